@@ -1,0 +1,8 @@
+//! What light meets: base BRDFs and the spherical-Gaussian form of their normal distributions.
+//!
+//! A [`Brdf`] is the sum of a diffuse and a rough-conductor part. Values are 1/sr, RGB, without a cosine; all
+//! directions point away from the surface.
+
+mod brdf;
+
+pub use brdf::{Brdf, Conductor};

@@ -1,0 +1,1 @@
+//! One kernel, compiled for the instruction sets that it may meet.

@@ -1,0 +1,1 @@
+//! F of the coarse surface on the table directions, from all cells.

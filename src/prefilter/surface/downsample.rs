@@ -1,0 +1,1 @@
+//! Coarse heights whose cells keep the mean slopes of the fine surface.

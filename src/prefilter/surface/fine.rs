@@ -1,0 +1,1 @@
+//! F of the fine surface on the table directions, from all texels.

@@ -1,0 +1,1 @@
+//! T and S from the two surfaces' F.

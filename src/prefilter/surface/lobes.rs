@@ -1,0 +1,1 @@
+//! Normal distributions of cells as mixtures of von Mises-Fisher lobes.

@@ -1,0 +1,1 @@
+//! Which texels see which table directions: one bit a texel and direction.

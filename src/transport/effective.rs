@@ -1,0 +1,1 @@
+//! The effective BRDF of a patch, by exact ray casts.

@@ -1,0 +1,1 @@
+//! A Monte Carlo result: mean, variance of the mean, sample count.
