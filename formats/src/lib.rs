@@ -1,1 +1,3 @@
+//! The farfield LoD asset.
 
+pub mod cell_brdf;
