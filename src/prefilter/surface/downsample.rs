@@ -34,6 +34,21 @@ pub fn coarse_cells(size: [usize; 2], factor: f32) -> [usize; 2] {
     size.map(|n| ((n as f64 / f64::from(factor)).round() as usize).max(1))
 }
 
+/// One axis of `fine` texels cut into `coarse` equal cells; the lines between them may cut through texels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cut {
+    pub(super) fine: usize,
+    pub(super) coarse: usize,
+}
+
+impl Cut {
+    /// Where cut `line` lies: whole texels and the fraction beyond, exact in integers.
+    pub(super) fn place(self, line: usize) -> (usize, f64) {
+        let scaled = line * self.fine;
+        (scaled / self.coarse, (scaled % self.coarse) as f64 / self.coarse as f64)
+    }
+}
+
 /// The height field `factor` times coarser whose cells have, as nearly as possible, the mean slopes of `fine`.
 ///
 /// The result covers the same extent with [`coarse_cells`] cells, keeps the boundary and the mean height, and is
