@@ -5,7 +5,7 @@ use formats::cell_brdf::{BaseBrdf, CellBrdf, Lobe, LobeKernel, Specular, half_ve
 use std::f64::consts::PI;
 
 /// Points per axis of the quadrature.
-const STEPS: usize = 300;
+const STEPS: usize = 200;
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -141,7 +141,7 @@ fn projected_area_is_within_its_bound_of_quadrature() {
             })
             .fold(0.0, f64::max);
         println!("kappa {kappa}: P within {worst:.5}");
-        assert!(worst < 0.012, "kappa {kappa}: {worst}");
+        assert!(worst < 0.02, "kappa {kappa}: {worst}");
     }
 }
 
@@ -159,7 +159,7 @@ fn diffuse_numerator_is_within_its_bound_of_quadrature() {
             .collect();
         let [worst, rms] = compare(&pairs);
         println!("kappa {kappa}: diffuse N worst {worst:.4} rms {rms:.4} of its root mean square");
-        let [worst_bound, rms_bound] = if kappa < 30.0 { [0.13, 0.06] } else { [0.03, 0.01] };
+        let [worst_bound, rms_bound] = if kappa < 10.0 { [0.14, 0.07] } else { [0.02, 0.006] };
         assert!(worst < worst_bound && rms < rms_bound, "kappa {kappa}: {worst} {rms}");
     }
 }
@@ -172,13 +172,22 @@ fn specular_numerator_is_within_its_bound_of_quadrature() {
             let pairs: Vec<[f64; 2]> = triples(80)
                 .iter()
                 .map(|&[mu, wi, wo]| {
-                    let got = LobeKernel::new(mu, kappa).specular(specular.view(), half_vector(wi, wo).0, wi, wo);
+                    let kernel = LobeKernel::new(mu, kappa);
+                    let [ci, co] = [wi, wo].map(|w| kernel.facing(w).cos_mean);
+                    let got = kernel.specular(specular.view(), half_vector(wi, wo).1, ci, co);
                     [exact_specular(wide(mu), kappa.into(), alpha.into(), wide(wi), wide(wo)), got.into()]
                 })
                 .collect();
             let [worst, rms] = compare(&pairs);
             println!("alpha {alpha} kappa {kappa}: specular N worst {worst:.4} rms {rms:.4} of its root mean square");
-            assert!(worst < 0.5 && rms < 0.2, "alpha {alpha} kappa {kappa}: {worst} {rms}");
+            // wide lobes under a wide base lobe: G at the mean cosines is no longer the mean of G
+            let [worst_bound, rms_bound] = match kappa {
+                k if k < 10.0 && alpha > 0.5 => [1.5, 0.8],
+                k if k < 10.0 => [0.45, 0.21],
+                k if k < 100.0 => [0.4, 0.16],
+                _ => [0.32, 0.04],
+            };
+            assert!(worst < worst_bound && rms < rms_bound, "alpha {alpha} kappa {kappa}: {worst} {rms}");
         }
     }
 }

@@ -315,9 +315,11 @@ impl PrototypeTables {
         };
         let w = &task.directions.vectors;
         let mut facing = vec![Facing::default(); n];
+        let cos_halves: Vec<Vec<f32>> =
+            rows.clone().map(|i| w[..=i].iter().map(|&wo| half_vector(w[i], wo).1).collect()).collect();
         for (k, kernel) in task.prototypes.kernels.iter().enumerate() {
+            facing.iter_mut().zip(w).for_each(|(facing, &w)| *facing = kernel.facing(w));
             if !parts[0].is_empty() {
-                facing.iter_mut().zip(w).for_each(|(facing, &w)| *facing = kernel.facing(w));
                 for (row, i) in parts[0][k * stride..][..stride].chunks_mut(n).zip(rows.clone()) {
                     for ((out, &o), &wo) in row[..i + 1].iter_mut().zip(&facing).zip(w) {
                         let cos_io = w[i][0] * wo[0] + w[i][1] * wo[1] + w[i][2] * wo[2];
@@ -327,8 +329,9 @@ impl PrototypeTables {
             }
             if !parts[1].is_empty() {
                 for (row, i) in parts[1][k * stride..][..stride].chunks_mut(n).zip(rows.clone()) {
-                    for (out, &wo) in row[..i + 1].iter_mut().zip(w) {
-                        *out = kernel.specular(specular, half_vector(w[i], wo).0, w[i], wo);
+                    let own = facing[i].cos_mean;
+                    for ((out, o), &cos_half) in row[..i + 1].iter_mut().zip(&facing).zip(&cos_halves[i - rows.start]) {
+                        *out = kernel.specular(specular, cos_half, own, o.cos_mean);
                     }
                 }
             }
