@@ -288,6 +288,7 @@ fn what_the_format_cannot_hold_is_refused_by_the_writer() {
         (refusal(&|a| a.levels[0].angular.truncate(1)), "level 1, rank of S"),
         (refusal(&|a| a.levels[0].cells = [usize::MAX; 2]), "level 1, heights"),
         (refusal(&|a| a.levels[0].lobes.clear()), "level 1, `lobes`"),
+        (refusal(&|a| a.levels.push(a.levels[0].clone())), "`index` of a level: wanted 2 to"),
         (refusal(&|a| a.size[0] = f64::NAN), "`size`[0]"),
         (refusal(&|a| a.source.digest.clear()), "`source.digest`"),
         (refusal(&|a| a.levels[0].error.as_mut().unwrap().bias.value = f64::NAN), "level 1, `bias`"),

@@ -160,6 +160,9 @@ impl Document {
         }
         self.bsdf.check()?;
         within("number of `levels`", self.levels.len(), 0, MAX_LEVELS)?;
+        for pair in self.levels.windows(2) {
+            within("`index` of a level", pair[1].index, pair[0].index.saturating_add(1), u32::MAX)?;
+        }
         self.levels.iter().try_for_each(LevelDocument::check)
     }
 }

@@ -56,7 +56,7 @@ impl SurfaceLevel {
 
     /// Height in metres of the coarse surface over the fraction `x` ∈ [0, 1) of the map.
     ///
-    /// Vertex (i, j) stands over the fraction (i/cells[0], j/cells[1]); the surface is bilinear between vertices, and
+    /// Vertex (i, j) stands over the fraction (i/`cells[0]`, j/`cells[1]`); the surface is bilinear between vertices, and
     /// the vertex after the last is the first (`Repeat`) or the last again (`Clamp`).
     pub fn height_at(&self, x: [f32; 2], boundary: Boundary) -> f32 {
         let ([h00, h10, h01, h11], [s, t]) = self.corners_at(x, boundary);
