@@ -12,7 +12,7 @@
 //! from the surface, in the frame of the base plane (z = ωg). Values are 1/sr, RGB, without a cosine, and symmetric
 //! in ωi and ωo by construction.
 
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, FRAC_2_PI};
 
 /// One von Mises-Fisher lobe of a cell's normal distribution; weight 0 means unused.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -189,34 +189,39 @@ impl LobeKernel {
 
     /// ∫ D(h·n) G(n; ωi, ωo)/4 γ(n) dn, which is N_j of a conductor without its Fresnel term.
     ///
-    /// `cos_half` = ωi·h = ωo·h, `ci` = μ·ωi and `co` = μ·ωo. Each product of a spherical Gaussian (λ, h) with the
-    /// lobe is itself a vMF lobe of concentration K = |λh + κμ| and is integrated exactly:
+    /// `cos_half` = ωi·h = ωo·h, `ci` = μ·ωi and `co` = μ·ωo.
+    #[inline(always)]
+    pub fn specular(&self, specular: SpecularRef<'_>, cos_half: f32, ci: f32, co: f32) -> f32 {
+        let gaussians = specular.gaussians.iter();
+        gaussians.map(|&gaussian| self.specular_term(specular.alpha, gaussian, cos_half, ci, co)).sum()
+    }
+
+    /// One Gaussian (λ, amplitude) of [`LobeKernel::specular`]; their sum is taken in the order of the Gaussians.
+    ///
+    /// The product of a spherical Gaussian (λ, h) with the lobe is itself a vMF lobe of concentration K = |λh + κμ|
+    /// and is integrated exactly:
     ///
     /// norm(κ) · exp(−2λκ(1 − h·μ)/(K + κ + λ)) · (1 − e^{−2K})/K
     ///
     /// G is height-correlated Smith shadowing at that lobe's mean cosines with ωi and ωo, softly clamped.
     #[inline(always)]
-    pub fn specular(&self, specular: SpecularRef<'_>, cos_half: f32, ci: f32, co: f32) -> f32 {
+    pub fn specular_term(&self, alpha: f32, [lambda, amplitude]: [f32; 2], cos_half: f32, ci: f32, co: f32) -> f32 {
         let one_minus_cos = (1.0 - (ci + co) / (2.0 * cos_half).max(1e-9)).clamp(0.0, 2.0);
-        let a2 = specular.alpha * specular.alpha;
-        let mut sum = 0.0;
-        for &[lambda, amplitude] in specular.gaussians {
-            let total = self.kappa + lambda;
-            let cross = 2.0 * lambda * self.kappa * one_minus_cos;
-            let k = (total * total - cross).max(0.0).sqrt().max(1e-4);
-            let product = exp_neg(-cross / (k + total)) * (1.0 - exp_neg(-2.0 * k)) / k;
-            // r(K) ≈ 1/(K + 1 + 2/(1 + K)) times K: exact in both limits, within 0.02 of coth K − 1/K
-            let shrink = 1.0 / (k + 1.0 + 2.0 / (1.0 + k));
-            let near = lambda * cos_half;
-            // E⟨n, ω⟩ of a vMF lobe at a right angle is √(1/(2πK)), and ¼ for K = 0
-            let soft = 0.636_62 / (k + 2.546_5);
-            let i = soft_cosine((near + self.kappa * ci) * shrink, soft);
-            let o = soft_cosine((near + self.kappa * co) * shrink, soft);
-            let smith_i = (a2 + (1.0 - a2) * i * i).sqrt();
-            let smith_o = (a2 + (1.0 - a2) * o * o).sqrt();
-            sum += amplitude * product * i * o / (i * smith_o + o * smith_i).max(1e-12);
-        }
-        0.5 * sum * self.norm
+        let total = self.kappa + lambda;
+        let cross = 2.0 * lambda * self.kappa * one_minus_cos;
+        let k = (total * total - cross).max(0.0).sqrt().max(1e-4);
+        let product = exp_neg(-cross / (k + total)) * (1.0 - exp_neg(-2.0 * k)) / k;
+        // r(K) ≈ K/(K + 1 + 2/(1 + K)): exact in both limits, within 0.02 of coth K − 1/K
+        let shrink = (k + 1.0) / ((k + 1.0) * (k + 1.0) + 2.0);
+        let near = lambda * cos_half;
+        // E⟨n, ω⟩ of a vMF lobe at a right angle is √(1/(2πK)), and ¼ for K = 0
+        let soft = FRAC_2_PI / (k + 2.546_5);
+        let i = soft_cosine((near + self.kappa * ci) * shrink, soft);
+        let o = soft_cosine((near + self.kappa * co) * shrink, soft);
+        let a2 = alpha * alpha;
+        let smith_i = (a2 + (1.0 - a2) * i * i).sqrt();
+        let smith_o = (a2 + (1.0 - a2) * o * o).sqrt();
+        0.5 * self.norm * amplitude * product * i * o / (i * smith_o + o * smith_i).max(1e-12)
     }
 }
 
