@@ -62,6 +62,9 @@ pub fn one_minus_resultant(kappa: f32) -> f32 {
     if kappa < 0.3 {
         return 1.0 - mean_resultant_length(kappa);
     }
+    if kappa > 10.0 {
+        return 1.0 / kappa; // the rest is 4e-8 of it
+    }
     let k = f64::from(kappa);
     (1.0 / k - 2.0 / (2.0 * k).exp_m1()) as f32
 }

@@ -60,7 +60,7 @@ impl<'a> Footprints<'a> {
 }
 
 /// The mixture of at most `count` lobes for one cell, by falling weight.
-fn fit_cell(samples: &MicroNormals, count: usize) -> [VmfLobe; MAX_LOBES] {
+fn fit_cell(samples: &mut MicroNormals, count: usize) -> [VmfLobe; MAX_LOBES] {
     let mut mixture = start::split(samples, count);
     mixture.refine(samples);
     let mut lobes = mixture.into_lobes();

@@ -13,7 +13,7 @@ const ITERATIONS: usize = 4;
 const NEGLIGIBLE_SHARE: f32 = 0.005;
 
 /// Samples whose f32 sums are added up in f64.
-const BLOCK: usize = 4096;
+pub(super) const BLOCK: usize = 4096;
 
 /// A lobe in the working: weight w, mean direction μ, concentration κ.
 #[derive(Clone, Copy, Debug)]
@@ -166,15 +166,18 @@ fn share_lanes([x, y, z]: [&Lane; 3], weight: &Lane, terms: &[Term], sums: &mut 
         scale[k] = weight[k] / total[k];
     }
     for ((density, term), sums) in density.iter().zip(terms).zip(sums) {
+        // Sums in locals: seen through one reference, the compiler would not vectorise them.
+        let [mut sum, mut sum_x, mut sum_y, mut sum_z, mut spread] = *sums;
         for k in 0..LANES {
             let [dx, dy, dz] = [x[k] - term.mean[0], y[k] - term.mean[1], z[k] - term.mean[2]];
             let share = density[k] * scale[k];
-            sums[0][k] += share;
-            sums[1][k] += share * dx;
-            sums[2][k] += share * dy;
-            sums[3][k] += share * dz;
-            sums[4][k] += share * (dx * dx + dy * dy + dz * dz);
+            sum[k] += share;
+            sum_x[k] += share * dx;
+            sum_y[k] += share * dy;
+            sum_z[k] += share * dz;
+            spread[k] += share * (dx * dx + dy * dy + dz * dz);
         }
+        *sums = [sum, sum_x, sum_y, sum_z, spread];
     }
 }
 

@@ -76,6 +76,14 @@ impl MicroNormals {
         self.weight.len()
     }
 
+    /// Exchanges two samples.
+    pub(super) fn swap(&mut self, a: usize, b: usize) {
+        self.x.swap(a, b);
+        self.y.swap(a, b);
+        self.z.swap(a, b);
+        self.weight.swap(a, b);
+    }
+
     /// Normal and weight of sample `k`.
     pub(super) fn get(&self, k: usize) -> ([f32; 3], f32) {
         ([self.x[k], self.y[k], self.z[k]], self.weight[k])
@@ -104,5 +112,5 @@ fn split([h00, h10, h01, h11]: [f32; 4], spacing: [f32; 2]) -> usize {
     let du = (h10 - h00).abs().max((h11 - h01).abs()) / spacing[0];
     let dv = (h01 - h00).abs().max((h11 - h10).abs()) / spacing[1];
     let stretch = (1.0 + du * du + dv * dv).sqrt();
-    stretch.sqrt().round().clamp(1.0, MAX_SPLIT) as usize
+    (stretch.sqrt().min(MAX_SPLIT) + 0.5) as usize
 }

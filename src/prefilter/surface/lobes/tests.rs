@@ -55,9 +55,9 @@ fn experiment() {
             for c in 0..n {
                 let mut s = MicroNormals::default();
                 fp.gather([(c * 29 + 3) % cells[0], (c * 53 + 1) % cells[1]], &mut s);
-                let m = start::split(&s, count);
+                let m = start::split(&mut s, count);
                 s0 += log_likelihood(&s, &m.lobes);
-                let mut m4 = start::split(&s, count);
+                let mut m4 = start::split(&mut s, count);
                 for k in 0..50 {
                     m4.iterate(&s);
                     if k == 3 { four += log_likelihood(&s, &m4.lobes); }
@@ -78,4 +78,32 @@ fn experiment() {
         println!("time {:?} {:?}", t.elapsed(), l[0][5]);
     }
     let _ = (exp_neg(-1.0), kappa_from_one_minus_r(0.5), mean_resultant_length(1.0), Vmf{mean:Vec3::Z,kappa:1.0});
+}
+
+#[test]
+#[ignore]
+fn profile() {
+    use std::time::Instant;
+    for (name, amp, factor) in [("fbm", 58.5, 8), ("twill", 24.4, 8), ("twill", 24.4, 64)] {
+        let fine = fixture(name, amp);
+        let cells = [1024 / factor; 2];
+        let fp = Footprints::new(&fine, cells);
+        let mut s = MicroNormals::default();
+        let mut t = [0.0; 5];
+        let mut n = 0;
+        for c in 0..cells[0] * cells[1] {
+            let a = Instant::now();
+            fp.gather([c % cells[0], c / cells[0]], &mut s);
+            let b = Instant::now();
+            let mut m = start::split(&mut s, 6);
+            let d = Instant::now();
+            m.refine(&s);
+            let e = Instant::now();
+            let l = m.into_lobes();
+            let f = Instant::now();
+            n += s.len() + (l[0].kappa < 0.0) as usize;
+            for (k, x) in [b - a, d - b, e - d, f - e].iter().enumerate() { t[k] += x.as_secs_f64(); }
+        }
+        println!("PROF {name} {factor}: samples {n} gather {:.3} split {:.3} em {:.3} into {:.3}", t[0], t[1], t[2], t[3]);
+    }
 }
