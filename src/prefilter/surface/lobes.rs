@@ -15,7 +15,7 @@ use crate::geometry::HeightField;
 use rayon::prelude::*;
 use samples::MicroNormals;
 
-pub use count::{CountError, choose_lobe_count, lobe_count_errors};
+pub use count::{CountError, LOBE_COUNTS, choose_lobe_count, lobe_count_errors};
 
 /// Most lobes that a cell may have.
 pub const MAX_LOBES: usize = 8;

@@ -63,7 +63,8 @@ impl Mixture {
 
     /// The lobes with weights such that Σ_j w_j r(κ_j) μ_j is what the samples sum to, and its z exactly 1.
     pub(super) fn into_lobes(self) -> [VmfLobe; MAX_LOBES] {
-        let projected = |l: &Lobe| f64::from(l.weight) * f64::from(mean_resultant_length(l.kappa)) * f64::from(l.mean.z);
+        let projected =
+            |l: &Lobe| f64::from(l.weight) * f64::from(mean_resultant_length(l.kappa)) * f64::from(l.mean.z);
         let scale = 1.0 / self.lobes.iter().map(projected).sum::<f64>();
         let mut lobes = [UNUSED; MAX_LOBES];
         for (target, lobe) in lobes.iter_mut().zip(&self.lobes) {

@@ -71,6 +71,16 @@ impl MicroNormals {
         }
     }
 
+    /// Keeps `most` of the samples, evenly chosen, where there are more.
+    pub(super) fn thin(&mut self, most: usize) {
+        let len = self.len();
+        if len > most {
+            let kept = |values: &[f32]| (0..most).map(|k| values[k * len / most]).collect();
+            *self = Self { x: kept(&self.x), y: kept(&self.y), z: kept(&self.z), weight: kept(&self.weight) };
+            self.pad();
+        }
+    }
+
     /// Number of samples, padding included.
     pub(super) fn len(&self) -> usize {
         self.weight.len()

@@ -60,24 +60,39 @@ fn experiment() {
                 let mut m4 = start::split(&mut s, count);
                 for k in 0..50 {
                     m4.iterate(&s);
-                    if k == 3 { four += log_likelihood(&s, &m4.lobes); }
-                    if k == 9 { ten += log_likelihood(&s, &m4.lobes); }
+                    if k == 3 {
+                        four += log_likelihood(&s, &m4.lobes);
+                    }
+                    if k == 9 {
+                        ten += log_likelihood(&s, &m4.lobes);
+                    }
                 }
                 fifty += log_likelihood(&s, &m4.lobes);
-                best += (0..40).map(|seed| {
-                    let mut r = random_start(&s, count, seed);
-                    for _ in 0..60 { r.iterate(&s); }
-                    log_likelihood(&s, &r.lobes)
-                }).fold(f64::MIN, f64::max);
+                best += (0..40)
+                    .map(|seed| {
+                        let mut r = random_start(&s, count, seed);
+                        for _ in 0..60 {
+                            r.iterate(&s);
+                        }
+                        log_likelihood(&s, &r.lobes)
+                    })
+                    .fold(f64::MIN, f64::max);
             }
             let n = n as f64;
-            println!("{name} {factor} L{count}: start {:.3} 4it {:.3} 10it {:.3} 50it {:.3} best {:.3}", s0/n, four/n, ten/n, fifty/n, best/n);
+            println!(
+                "{name} {factor} L{count}: start {:.3} 4it {:.3} 10it {:.3} 50it {:.3} best {:.3}",
+                s0 / n,
+                four / n,
+                ten / n,
+                fifty / n,
+                best / n
+            );
         }
         let t = std::time::Instant::now();
         let l = fit_lobes(&fine, cells, Some(6));
         println!("time {:?} {:?}", t.elapsed(), l[0][5]);
     }
-    let _ = (exp_neg(-1.0), kappa_from_one_minus_r(0.5), mean_resultant_length(1.0), Vmf{mean:Vec3::Z,kappa:1.0});
+    let _ = (exp_neg(-1.0), kappa_from_one_minus_r(0.5), mean_resultant_length(1.0), Vmf { mean: Vec3::Z, kappa: 1.0 });
 }
 
 #[test]
@@ -102,8 +117,13 @@ fn profile() {
             let l = m.into_lobes();
             let f = Instant::now();
             n += s.len() + (l[0].kappa < 0.0) as usize;
-            for (k, x) in [b - a, d - b, e - d, f - e].iter().enumerate() { t[k] += x.as_secs_f64(); }
+            for (k, x) in [b - a, d - b, e - d, f - e].iter().enumerate() {
+                t[k] += x.as_secs_f64();
+            }
         }
-        println!("PROF {name} {factor}: samples {n} gather {:.3} split {:.3} em {:.3} into {:.3}", t[0], t[1], t[2], t[3]);
+        println!(
+            "PROF {name} {factor}: samples {n} gather {:.3} split {:.3} em {:.3} into {:.3}",
+            t[0], t[1], t[2], t[3]
+        );
     }
 }
