@@ -1,6 +1,6 @@
 //! Normal distributions of cells as mixtures of von Mises-Fisher lobes.
 //!
-//! The distribution of a cell's micro-normals counts micro-area per base area, D(ω) = ⟨δ(ω − ωm)/⟨ωm, ωg⟩⟩ ([WU19]
+//! The distribution of a cell's micro-normals counts micro-area per base area, D(ω) = ⟨δ(ω − ωm)/⟨ωm, ωg⟩⟩ (\[WU19\]
 //! 4.2), and is fitted by D ≈ Σ_j w_j γ(ω; κ_j, μ_j) (4.4) with expectation maximisation. Each maximisation keeps
 //! Σ_j w_j r_j μ_j = ∫ω D dω, hence ∫D cosθ dω = 1 (4.3), the projected area of the cell, and its mean slope.
 

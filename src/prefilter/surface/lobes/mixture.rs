@@ -5,7 +5,8 @@ use super::{MAX_LOBES, UNUSED, VmfLobe};
 use crate::math::vmf::{kappa_from_one_minus_r, mean_resultant_length, peak_density};
 use glam::Vec3;
 
-/// Iterations after the start. More lower the error of the distribution by under 4 % (benches/lobes.rs).
+/// Iterations after the start. On the fixtures at 8×, six more gain 0.01 to 0.05 nats a normal, and 46 more 0.01 to 0.1;
+/// the start itself stands 0.02 to 0.1 below (twill and noise, 2 to 8 lobes).
 const ITERATIONS: usize = 4;
 
 /// Lobes with less than this share of a cell's micro-area are given to the others before the last iteration:

@@ -66,7 +66,7 @@ fn one_iteration_is_that_of_the_textbook() {
     for mut samples in some_cells() {
         let before = start::split(&mut samples, 4);
         // Shares, then mean normal and weight of each lobe, then its concentration from 1 − |S̄|.
-        let mut sums = vec![DVec3::ZERO; 4];
+        let mut sums = [DVec3::ZERO; 4];
         let mut weights = [0.0; 4];
         for k in 0..samples.len() {
             let (n, w) = samples.get(k);
