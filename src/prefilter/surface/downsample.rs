@@ -1,7 +1,7 @@
 //! Coarse heights whose cells keep the mean slopes of the fine surface.
 //!
 //! With s̃ the mean slope of a coarse bilinear cell, s̃* that of the fine surface under it and Δ the Laplacian, the
-//! coarse heights minimise Σ_cells ‖s̃ − s̃*‖² + w Σ_vertices |Δh|² (design 4.2, [WU19] 4.9 and 4.10).
+//! coarse heights minimise Σ_cells ‖s̃ − s̃*‖² + w Σ_vertices |Δh|² (\[WU19\] 4.9 and 4.10).
 //!
 //! - *Units.* s̃ are true slopes: for cells `a × b` metres, s̃_u = ½(h10 + h11 − h00 − h01)/a and s̃_v =
 //!   ½(h01 + h11 − h00 − h10)/b (v runs down; a common sign does not matter here). Δ is taken in cell units, as the

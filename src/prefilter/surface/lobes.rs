@@ -1,6 +1,6 @@
 //! Normal distributions of cells as mixtures of von Mises-Fisher lobes.
 //!
-//! The distribution of a cell's micro-normals counts micro-area per base area, D(ω) = ⟨δ(ω − ωm)/⟨ωm, ωg⟩⟩ ([WU19]
+//! The distribution of a cell's micro-normals counts micro-area per base area, D(ω) = ⟨δ(ω − ωm)/⟨ωm, ωg⟩⟩ (\[WU19\]
 //! 4.2), and is fitted by D ≈ Σ_j w_j γ(ω; κ_j, μ_j) (4.4) with expectation maximisation. Each maximisation keeps
 //! Σ_j w_j r_j μ_j = ∫ω D dω, hence ∫D cosθ dω = 1 (4.3), the projected area of the cell, and its mean slope.
 
@@ -15,7 +15,7 @@ use crate::geometry::HeightField;
 use rayon::prelude::*;
 use samples::MicroNormals;
 
-pub use count::{CountError, choose_lobe_count, lobe_count_errors};
+pub use count::{CountError, LOBE_COUNTS, choose_lobe_count, lobe_count_errors};
 
 /// Most lobes that a cell may have.
 pub const MAX_LOBES: usize = 8;
@@ -60,7 +60,7 @@ impl<'a> Footprints<'a> {
 }
 
 /// The mixture of at most `count` lobes for one cell, by falling weight.
-fn fit_cell(samples: &MicroNormals, count: usize) -> [VmfLobe; MAX_LOBES] {
+fn fit_cell(samples: &mut MicroNormals, count: usize) -> [VmfLobe; MAX_LOBES] {
     let mut mixture = start::split(samples, count);
     mixture.refine(samples);
     let mut lobes = mixture.into_lobes();

@@ -5,7 +5,8 @@ use super::{MAX_LOBES, UNUSED, VmfLobe};
 use crate::math::vmf::{kappa_from_one_minus_r, mean_resultant_length, peak_density};
 use glam::Vec3;
 
-/// Iterations after the start. More lower the error of the distribution by under 4 % (benches/lobes.rs).
+/// Iterations after the start. On the fixtures at 8×, six more gain 0.01 to 0.05 nats a normal, and 46 more 0.01 to 0.1;
+/// the start itself stands 0.02 to 0.1 below (twill and noise, 2 to 8 lobes).
 const ITERATIONS: usize = 4;
 
 /// Lobes with less than this share of a cell's micro-area are given to the others before the last iteration:
@@ -13,7 +14,7 @@ const ITERATIONS: usize = 4;
 const NEGLIGIBLE_SHARE: f32 = 0.005;
 
 /// Samples whose f32 sums are added up in f64.
-const BLOCK: usize = 4096;
+pub(super) const BLOCK: usize = 4096;
 
 /// A lobe in the working: weight w, mean direction μ, concentration κ.
 #[derive(Clone, Copy, Debug)]
@@ -63,7 +64,8 @@ impl Mixture {
 
     /// The lobes with weights such that Σ_j w_j r(κ_j) μ_j is what the samples sum to, and its z exactly 1.
     pub(super) fn into_lobes(self) -> [VmfLobe; MAX_LOBES] {
-        let projected = |l: &Lobe| f64::from(l.weight) * f64::from(mean_resultant_length(l.kappa)) * f64::from(l.mean.z);
+        let projected =
+            |l: &Lobe| f64::from(l.weight) * f64::from(mean_resultant_length(l.kappa)) * f64::from(l.mean.z);
         let scale = 1.0 / self.lobes.iter().map(projected).sum::<f64>();
         let mut lobes = [UNUSED; MAX_LOBES];
         for (target, lobe) in lobes.iter_mut().zip(&self.lobes) {
@@ -166,15 +168,18 @@ fn share_lanes([x, y, z]: [&Lane; 3], weight: &Lane, terms: &[Term], sums: &mut 
         scale[k] = weight[k] / total[k];
     }
     for ((density, term), sums) in density.iter().zip(terms).zip(sums) {
+        // Sums in locals: seen through one reference, the compiler would not vectorise them.
+        let [mut sum, mut sum_x, mut sum_y, mut sum_z, mut spread] = *sums;
         for k in 0..LANES {
             let [dx, dy, dz] = [x[k] - term.mean[0], y[k] - term.mean[1], z[k] - term.mean[2]];
             let share = density[k] * scale[k];
-            sums[0][k] += share;
-            sums[1][k] += share * dx;
-            sums[2][k] += share * dy;
-            sums[3][k] += share * dz;
-            sums[4][k] += share * (dx * dx + dy * dy + dz * dz);
+            sum[k] += share;
+            sum_x[k] += share * dx;
+            sum_y[k] += share * dy;
+            sum_z[k] += share * dz;
+            spread[k] += share * (dx * dx + dy * dy + dz * dz);
         }
+        *sums = [sum, sum_x, sum_y, sum_z, spread];
     }
 }
 

@@ -71,9 +71,27 @@ impl MicroNormals {
         }
     }
 
+    /// Keeps `most` of the samples, evenly chosen, where there are more.
+    pub(super) fn thin(&mut self, most: usize) {
+        let len = self.len();
+        if len > most {
+            let kept = |values: &[f32]| (0..most).map(|k| values[k * len / most]).collect();
+            *self = Self { x: kept(&self.x), y: kept(&self.y), z: kept(&self.z), weight: kept(&self.weight) };
+            self.pad();
+        }
+    }
+
     /// Number of samples, padding included.
     pub(super) fn len(&self) -> usize {
         self.weight.len()
+    }
+
+    /// Exchanges two samples.
+    pub(super) fn swap(&mut self, a: usize, b: usize) {
+        self.x.swap(a, b);
+        self.y.swap(a, b);
+        self.z.swap(a, b);
+        self.weight.swap(a, b);
     }
 
     /// Normal and weight of sample `k`.
@@ -104,5 +122,5 @@ fn split([h00, h10, h01, h11]: [f32; 4], spacing: [f32; 2]) -> usize {
     let du = (h10 - h00).abs().max((h11 - h01).abs()) / spacing[0];
     let dv = (h01 - h00).abs().max((h11 - h10).abs()) / spacing[1];
     let stretch = (1.0 + du * du + dv * dv).sqrt();
-    stretch.sqrt().round().clamp(1.0, MAX_SPLIT) as usize
+    (stretch.sqrt().min(MAX_SPLIT) + 0.5) as usize
 }
