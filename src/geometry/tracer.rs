@@ -7,7 +7,7 @@
 use glam::{DVec3, Vec3};
 
 use super::patch::{CellRay, Patch, Side};
-use super::quadtree::{Block, NodeRay, Quadtree};
+use super::quadtree::{Block, Candidate, Quadtree};
 use super::{Boundary, HeightField};
 
 /// A point on the surface: a cell and the fraction (s, t) ∈ [0, 1]² of it along u and v.
@@ -45,7 +45,7 @@ pub struct Hit {
 #[derive(Clone, Debug)]
 pub struct HeightTracer<'a> {
     heights: &'a HeightField,
-    tree: Quadtree,
+    tree: Quadtree<'a>,
     /// Lowest and highest vertex with a margin of a few `tolerance`, metres: outside of it there is no surface.
     slab: [f64; 2],
     /// Metres by which a ray may dip below the surface without being stopped: what rounding in `f64` makes of 0.
@@ -81,7 +81,7 @@ const SLAB_MARGIN: f64 = 4.0;
 const FINEST_BLOCK: u32 = 2;
 
 impl<'a> HeightTracer<'a> {
-    /// Builds the quadtree: 10.7 bytes a texel beside the heights, which stay borrowed.
+    /// Builds the quadtree: 1.4 bytes a texel beside the heights, which stay borrowed.
     pub fn new(heights: &'a HeightField) -> Self {
         let range = heights.range();
         debug_assert!(range.iter().all(|h| h.is_finite()), "heights are finite");
@@ -117,7 +117,7 @@ impl<'a> HeightTracer<'a> {
     fn place(&self, cell: [f64; 2], point: SurfacePoint) -> DVec3 {
         let [dx, dy] = self.heights.spacing().map(f64::from);
         let [s, t] = point.st.map(f64::from);
-        DVec3::new((cell[0] + s) * dx, -(cell[1] + t) * dy, self.patch(point.cell, [0; 2]).height([s, t]))
+        DVec3::new((cell[0] + s) * dx, -(cell[1] + t) * dy, self.patch(point.cell).height([s, t]))
     }
 
     /// Whether the surface hides `direction` from the front of `point`; directions behind the tangent plane are hidden.
@@ -126,23 +126,18 @@ impl<'a> HeightTracer<'a> {
     /// within the surface is not below. The start itself is divided out of its own cell's equation: no offset.
     pub fn occluded(&self, point: SurfacePoint, direction: Vec3) -> bool {
         let ray = self.leaving(point, direction);
-        let first = self.patch(point.cell, [0; 2]);
+        let first = self.patch(point.cell);
         if !matches!(first.departure(&ray), (Side::Above, None)) {
             return true;
         }
-        let stops = |cell: [u32; 2], at: [i32; 2]| {
-            (at != [0, 0] && self.patch(cell.map(|x| x as usize), at).stops(&ray, self.tolerance)).then_some(())
-        };
+        let stops = |cell: &Candidate| (cell.at != [0, 0] && cell.patch.stops(&ray, self.tolerance)).then_some(());
         self.walk(&ray, point.cell, || Some(()), stops).is_some()
     }
 
     /// The first crossing of the surface by `ray`, from either side.
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
         let Entry { cell, plane, ray: local, side, t: t_start } = self.entering(ray)?;
-        let hit = |index: [u32; 2], at: [i32; 2]| {
-            let patch = self.patch(index.map(|x| x as usize), at);
-            patch.crossing(&local, side, self.tolerance).map(|t| (t, index, at))
-        };
+        let hit = |cell: &Candidate| cell.patch.crossing(&local, side, self.tolerance).map(|t| (t, *cell));
         let found = self.walk(&local, cell, || None, hit)?;
         Some(self.hit(&local, plane, t_start, found))
     }
@@ -150,28 +145,27 @@ impl<'a> HeightTracer<'a> {
     /// The first crossing of the surface by the half-line that starts on it at `point`, which itself does not count.
     pub fn intersect_from(&self, point: SurfacePoint, direction: Vec3) -> Option<Hit> {
         let ray = self.leaving(point, direction);
-        let (side, crossing) = self.patch(point.cell, [0; 2]).departure(&ray);
-        let hit = |index: [u32; 2], at: [i32; 2]| {
-            if at == [0, 0] {
-                return crossing.map(|t| (t, index, at));
-            }
-            let patch = self.patch(index.map(|x| x as usize), at);
-            patch.crossing(&ray, side, self.tolerance).map(|t| (t, index, at))
+        let (side, crossing) = self.patch(point.cell).departure(&ray);
+        let hit = |cell: &Candidate| {
+            let own = cell.at == [0, 0];
+            let t = if own { crossing } else { cell.patch.crossing(&ray, side, self.tolerance) };
+            t.map(|t| (t, *cell))
         };
         let found = self.walk(&ray, point.cell, || None, hit)?;
         Some(self.hit(&ray, point.cell.map(|x| x as f64), 0.0, found))
     }
 
-    fn hit(&self, ray: &CellRay, first: [f64; 2], t_start: f64, found: (f64, [u32; 2], [i32; 2])) -> Hit {
-        let (t, index, at) = found;
+    fn hit(&self, ray: &CellRay, first: [f64; 2], t_start: f64, (t, found): (f64, Candidate)) -> Hit {
+        let at = found.at;
         let st = [0, 1].map(|k| (ray.start[k] - f64::from(at[k]) + ray.dir[k] * t).clamp(0.0, 1.0) as f32);
-        let point = SurfacePoint { cell: index.map(|x| x as usize), st };
+        let point = SurfacePoint { cell: found.cell.map(|x| x as usize), st };
         let cell = [0, 1].map(|k| first[k] + f64::from(at[k]));
         Hit { t: t_start + t, point, position: self.place(cell, point), normal: self.normal(point) }
     }
 
-    fn patch(&self, cell: [usize; 2], at: [i32; 2]) -> Patch {
-        Patch { corners: self.heights.corners(cell[0], cell[1]).map(f64::from), cell: at.map(f64::from) }
+    /// The patch of `cell` for a ray that starts in it.
+    fn patch(&self, cell: [usize; 2]) -> Patch {
+        Patch { corners: self.heights.corners(cell[0], cell[1]).map(f64::from), cell: [0.0; 2] }
     }
 
     /// Cells a metre along u and v; v runs against y.
@@ -183,7 +177,7 @@ impl<'a> HeightTracer<'a> {
     /// The ray from `point` on the surface, as far as the surface may reach.
     fn leaving(&self, point: SurfacePoint, direction: Vec3) -> CellRay {
         debug_assert!(direction.is_finite() && direction != Vec3::ZERO, "a direction");
-        let z = self.patch(point.cell, [0; 2]).height(point.st.map(f64::from));
+        let z = self.patch(point.cell).height(point.st.map(f64::from));
         let ray = CellRay::new(point.st, self.cells_per_metre(direction), z, f64::from(direction.z));
         self.bounded(ray)
     }
@@ -212,7 +206,7 @@ impl<'a> HeightTracer<'a> {
             Some(2) => (self.slab[0], Side::Below),
             _ => {
                 let z = start[2] + dir[2] * t;
-                let height = self.patch(cell, [0; 2]).height(st.map(f64::from));
+                let height = self.patch(cell).height(st.map(f64::from));
                 (z, if z >= height { Side::Above } else { Side::Below })
             }
         };
@@ -273,10 +267,10 @@ impl<'a> HeightTracer<'a> {
         ray: &CellRay,
         cell: [usize; 2],
         buried: impl Fn() -> Option<R>,
-        leaf: impl Fn([u32; 2], [i32; 2]) -> Option<R>,
+        leaf: impl Fn(&Candidate) -> Option<R>,
     ) -> Option<R> {
         let size = self.heights.size();
-        let node_ray = NodeRay::new(ray, &self.tree);
+        let node_ray = self.tree.prepare(ray);
         let length = ray.t_end * ray.dir[0].abs().max(ray.dir[1].abs());
         let level = block_level(length).clamp(FINEST_BLOCK.min(self.tree.top()), self.tree.top());
         let block = 1usize << level;
