@@ -78,6 +78,8 @@ fn main() {
     let high = field.range()[1];
     let rng = Stream::new(1, 0);
     let points: Vec<_> = (0..RAYS).map(|k| point(rng, k, &field)).collect();
+    let mut in_order = points.clone();
+    in_order.sort_by_key(|p| (p.cell[1] / 8, p.cell[0] / 8));
     let point = |k: u64| points[k as usize];
     let towards = Stream::new(1, 1);
     for (name, cosines) in [
@@ -87,6 +89,7 @@ fn main() {
     ] {
         let directions: Vec<_> = (0..RAYS).map(|k| direction(towards, k, cosines)).collect();
         report(name, RAYS, |k| tracer.occluded(point(k), directions[k as usize]));
+        report(&format!("{name}, points in order"), RAYS, |k| tracer.occluded(in_order[k as usize], directions[k as usize]));
         let facing: Vec<_> = (0..RAYS).filter(|&k| tracer.normal(point(k)).dot(directions[k as usize]) > 0.0).collect();
         report(&format!("{name}, front-facing"), facing.len() as u64, |k| tracer.occluded(point(facing[k as usize]), directions[facing[k as usize] as usize]));
         report(&format!("{name}, first hit from the surface"), facing.len() as u64, |k| tracer.intersect_from(point(facing[k as usize]), directions[facing[k as usize] as usize]).is_some());

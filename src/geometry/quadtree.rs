@@ -5,6 +5,8 @@
 //! cache line, and level 1 is not stored: its bounds come from the nine heights that its cells need anyway. That leaves
 //! 1.4 bytes a cell. Tests run in `f32` and err on the side of visiting; what is hit is decided over the cells, in `f64`.
 
+use std::hint::black_box;
+
 use glam::{BVec4A, Vec4};
 
 use super::{Boundary, HeightField};
@@ -60,6 +62,8 @@ const CODE_RANGE: f32 = 65_530.0;
 const CODE_PADDING: f32 = 0.1;
 /// Relative widening of intervals of t: t of a plane in `f32` is off by at most 3 roundings of 6e-8 of itself.
 const SPAN_PADDING: f32 = 1e-6;
+/// Levels up to this one are too large for the nearest caches.
+const TOUCHED_LEVEL: u32 = 4;
 /// Nodes that may wait: three a level and 24 levels.
 const STACK: usize = 80;
 
@@ -180,6 +184,15 @@ impl<'a> Quadtree<'a> {
             dz: (ray.dz * scale) as f32,
             t_end: ray.t_end as f32 * (1.0 + SPAN_PADDING),
             flip: u32::from(!forward[0]) | (u32::from(!forward[1]) << 1),
+        }
+    }
+
+    /// Asks for the nodes above `cell` at once: the search would wait for them one after the other.
+    #[inline(always)]
+    pub(super) fn touch(&self, cell: [usize; 2]) {
+        for level in 2..=self.top.min(TOUCHED_LEVEL) {
+            let [x, y] = cell.map(|x| (x >> level) as u32);
+            black_box(self.node(level, x, y).max[0]);
         }
     }
 

@@ -125,6 +125,7 @@ impl<'a> HeightTracer<'a> {
     /// The half-line that starts on the surface is hidden where any of it beyond the start is below the surface; running
     /// within the surface is not below. The start itself is divided out of its own cell's equation: no offset.
     pub fn occluded(&self, point: SurfacePoint, direction: Vec3) -> bool {
+        self.tree.touch(point.cell);
         let ray = self.leaving(point, direction);
         let first = self.patch(point.cell);
         if !matches!(first.departure(&ray), (Side::Above, None)) {
@@ -144,6 +145,7 @@ impl<'a> HeightTracer<'a> {
 
     /// The first crossing of the surface by the half-line that starts on it at `point`, which itself does not count.
     pub fn intersect_from(&self, point: SurfacePoint, direction: Vec3) -> Option<Hit> {
+        self.tree.touch(point.cell);
         let ray = self.leaving(point, direction);
         let (side, crossing) = self.patch(point.cell).departure(&ray);
         let hit = |cell: &Candidate| {
