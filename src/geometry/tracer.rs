@@ -1,1 +1,318 @@
 //! Exact rays against a bilinear height field: a min/max quadtree over its cells.
+//!
+//! A ray walks over blocks of the quadtree, each about as large as what is left of the ray, and searches each from
+//! front to back. `Repeat` tiles the plane without end: a ray is followed relative to the cell that it starts in, so its
+//! precision does not depend on where in the plane that is, and it ends where it leaves the range of heights.
+
+use glam::{DVec3, Vec3};
+
+use super::patch::{CellRay, Patch, Side};
+use super::quadtree::{Block, Candidate, Quadtree};
+use super::{Boundary, HeightField};
+
+/// A point on the surface: a cell and the fraction (s, t) ∈ [0, 1]² of it along u and v.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// Cell along u and v.
+    pub cell: [usize; 2],
+    /// Fraction of the cell along u and v.
+    pub st: [f32; 2],
+}
+
+/// A half-line in the frame of the height field, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Where it starts: `f64`, for a tiling of 200 000 texels leaves `f32` a hundredth of a texel.
+    pub origin: DVec3,
+    /// Where it goes; unit length if `Hit::t` is to be metres.
+    pub direction: Vec3,
+}
+
+/// Where a ray meets the surface first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Distance in units of the ray's direction.
+    pub t: f64,
+    /// The cell and the fraction of it.
+    pub point: SurfacePoint,
+    /// Position in the frame of the ray: in the tile that was hit, not in the first one.
+    pub position: DVec3,
+    /// Unit normal of the bilinear cell, z > 0.
+    pub normal: Vec3,
+}
+
+/// Traces rays against one height field.
+#[derive(Clone, Debug)]
+pub struct HeightTracer<'a> {
+    heights: &'a HeightField,
+    tree: Quadtree<'a>,
+    /// Lowest and highest vertex with a margin of a few `tolerance`, metres: outside of it there is no surface.
+    slab: [f64; 2],
+    /// Metres by which a ray may dip below the surface without being stopped: what rounding in `f64` makes of 0.
+    tolerance: f64,
+}
+
+/// Where a ray comes over the map and into the range of heights.
+struct Entry {
+    /// The cell of the map and the same one in the plane.
+    cell: [usize; 2],
+    plane: [f64; 2],
+    /// The rest of the ray.
+    ray: CellRay,
+    side: Side,
+    /// Distance already gone.
+    t: f64,
+}
+
+/// A repeated map is followed for this many periods of its longer side, but within [`REACH_CELLS`]; a ray that is still
+/// within the range of heights then meets nothing.
+///
+/// Only rays within 0.1° of the horizon get there: 24 texels of height in 256 periods of 1024 texels are 0.005°.
+const REACH_PERIODS: f64 = 256.0;
+/// Least and largest reach in cells; above the largest, cells are no longer exact in `f32`.
+const REACH_CELLS: [f64; 2] = [65_536.0, 4_194_304.0];
+/// A horizontal ray along an axis sees the same heights again after one period: one for what is ahead and one for rounding.
+const REACH_PERIODS_ALONG_AXIS: f64 = 2.0;
+/// [`HeightTracer::tolerance`] in units of the height range and of the largest height.
+const TOLERANCE: [f64; 2] = [1e-12, 1e-14];
+/// Margin of the slab of heights in tolerances: a ray that leaves it has crossed by more than the tolerance.
+const SLAB_MARGIN: f64 = 4.0;
+/// Finest level to start at: below it, walking from block to block costs more than testing the nodes.
+const FINEST_BLOCK: u32 = 2;
+
+impl<'a> HeightTracer<'a> {
+    /// Builds the quadtree: 1.4 bytes a texel beside the heights, which stay borrowed.
+    pub fn new(heights: &'a HeightField) -> Self {
+        let range = heights.range();
+        debug_assert!(range.iter().all(|h| h.is_finite()), "heights are finite");
+        let tree = Quadtree::new(heights, range);
+        let [low, high] = range.map(f64::from);
+        let tolerance = TOLERANCE[0] * (high - low) + TOLERANCE[1] * low.abs().max(high.abs());
+        let slab = [low - SLAB_MARGIN * tolerance, high + SLAB_MARGIN * tolerance];
+        Self { heights, tree, slab, tolerance }
+    }
+
+    /// The height field that is traced.
+    pub fn heights(&self) -> &'a HeightField {
+        self.heights
+    }
+
+    /// Bytes that the tracer holds beside the heights.
+    pub fn bytes(&self) -> usize {
+        self.tree.bytes()
+    }
+
+    /// Unit normal of the bilinear surface at `point`.
+    pub fn normal(&self, point: SurfacePoint) -> Vec3 {
+        let ([i, j], [s, t]) = (point.cell, point.st);
+        let [x, y] = self.heights.slope(i, j, s, t);
+        Vec3::new(-x, -y, 1.0).normalize()
+    }
+
+    /// Position of `point` in the first tile, metres.
+    pub fn position(&self, point: SurfacePoint) -> DVec3 {
+        self.place(point.cell.map(|x| x as f64), point)
+    }
+
+    fn place(&self, cell: [f64; 2], point: SurfacePoint) -> DVec3 {
+        let [dx, dy] = self.heights.spacing().map(f64::from);
+        let [s, t] = point.st.map(f64::from);
+        DVec3::new((cell[0] + s) * dx, -(cell[1] + t) * dy, self.patch(point.cell).height([s, t]))
+    }
+
+    /// Whether the surface hides `direction` from the front of `point`; directions behind the tangent plane are hidden.
+    ///
+    /// The half-line that starts on the surface is hidden where any of it beyond the start is below the surface; running
+    /// within the surface is not below. The start itself is divided out of its own cell's equation: no offset.
+    pub fn occluded(&self, point: SurfacePoint, direction: Vec3) -> bool {
+        self.tree.touch(point.cell);
+        let ray = self.leaving(point, direction);
+        let first = self.patch(point.cell);
+        if !matches!(first.departure(&ray), (Side::Above, None)) {
+            return true;
+        }
+        let stops = |cell: &Candidate| (cell.at != [0, 0] && cell.patch.stops(&ray, self.tolerance)).then_some(());
+        self.walk(&ray, point.cell, || Some(()), stops).is_some()
+    }
+
+    /// The first crossing of the surface by `ray`, from either side.
+    pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        let Entry { cell, plane, ray: local, side, t: t_start } = self.entering(ray)?;
+        let hit = |cell: &Candidate| cell.patch.crossing(&local, side, self.tolerance).map(|t| (t, *cell));
+        let found = self.walk(&local, cell, || None, hit)?;
+        Some(self.hit(&local, plane, t_start, found))
+    }
+
+    /// The first crossing of the surface by the half-line that starts on it at `point`, which itself does not count.
+    pub fn intersect_from(&self, point: SurfacePoint, direction: Vec3) -> Option<Hit> {
+        self.tree.touch(point.cell);
+        let ray = self.leaving(point, direction);
+        let (side, crossing) = self.patch(point.cell).departure(&ray);
+        let hit = |cell: &Candidate| {
+            let own = cell.at == [0, 0];
+            let t = if own { crossing } else { cell.patch.crossing(&ray, side, self.tolerance) };
+            t.map(|t| (t, *cell))
+        };
+        let found = self.walk(&ray, point.cell, || None, hit)?;
+        Some(self.hit(&ray, point.cell.map(|x| x as f64), 0.0, found))
+    }
+
+    fn hit(&self, ray: &CellRay, first: [f64; 2], t_start: f64, (t, found): (f64, Candidate)) -> Hit {
+        let at = found.at;
+        let st = [0, 1].map(|k| (ray.start[k] - f64::from(at[k]) + ray.dir[k] * t).clamp(0.0, 1.0) as f32);
+        let point = SurfacePoint { cell: found.cell.map(|x| x as usize), st };
+        let cell = [0, 1].map(|k| first[k] + f64::from(at[k]));
+        Hit { t: t_start + t, point, position: self.place(cell, point), normal: self.normal(point) }
+    }
+
+    /// The patch of `cell` for a ray that starts in it.
+    fn patch(&self, cell: [usize; 2]) -> Patch {
+        Patch { corners: self.heights.corners(cell[0], cell[1]).map(f64::from), cell: [0.0; 2] }
+    }
+
+    /// Cells a metre along u and v; v runs against y.
+    fn cells_per_metre(&self, direction: Vec3) -> [f64; 2] {
+        let [dx, dy] = self.heights.spacing().map(f64::from);
+        [f64::from(direction.x) / dx, -f64::from(direction.y) / dy]
+    }
+
+    /// The ray from `point` on the surface, as far as the surface may reach.
+    fn leaving(&self, point: SurfacePoint, direction: Vec3) -> CellRay {
+        debug_assert!(direction.is_finite() && direction != Vec3::ZERO, "a direction");
+        let z = self.patch(point.cell).height(point.st.map(f64::from));
+        let ray = CellRay::new(point.st, self.cells_per_metre(direction), z, f64::from(direction.z));
+        self.bounded(ray)
+    }
+
+    /// `ray` from where it is over the map and within the range of heights.
+    fn entering(&self, ray: &Ray) -> Option<Entry> {
+        debug_assert!(ray.direction.is_finite() && ray.direction != Vec3::ZERO, "a direction");
+        let size = self.heights.size().map(|n| n as f64);
+        let [dx, dy] = self.heights.spacing().map(f64::from);
+        let start = [ray.origin.x / dx, -ray.origin.y / dy, ray.origin.z];
+        let [du, dv] = self.cells_per_metre(ray.direction);
+        let dir = [du, dv, f64::from(ray.direction.z)];
+        let (t, axis) = self.entry_time(start, dir)?;
+        let (mut cell, mut plane, mut st) = ([0; 2], [0.0; 2], [0.0f32; 2]);
+        for k in [0, 1] {
+            let x = start[k] + dir[k] * t;
+            let (floor, wrapped) = match self.heights.boundary() {
+                Boundary::Repeat => (x.floor(), x.floor().rem_euclid(size[k])),
+                Boundary::Clamp => (x.floor().clamp(0.0, size[k] - 1.0), x.floor().clamp(0.0, size[k] - 1.0)),
+            };
+            (cell[k], plane[k], st[k]) = (wrapped as usize, floor, (x - floor).clamp(0.0, 1.0) as f32);
+        }
+        // Through the top or bottom of the slab, height and side are known: no rounding may put the ray elsewhere.
+        let (z, side) = match axis {
+            Some(2) if dir[2] < 0.0 => (self.slab[1], Side::Above),
+            Some(2) => (self.slab[0], Side::Below),
+            _ => {
+                let z = start[2] + dir[2] * t;
+                let height = self.patch(cell).height(st.map(f64::from));
+                (z, if z >= height { Side::Above } else { Side::Below })
+            }
+        };
+        Some(Entry { cell, plane, ray: self.bounded(CellRay::new(st, [du, dv], z, dir[2])), side, t })
+    }
+
+    /// When the ray enters the slab of heights and, if the map is finite, its rectangle; and through which axis.
+    fn entry_time(&self, start: [f64; 3], dir: [f64; 3]) -> Option<(f64, Option<usize>)> {
+        let sides = match self.heights.boundary() {
+            Boundary::Repeat => [f64::NEG_INFINITY, f64::INFINITY],
+            Boundary::Clamp => [0.0, 1.0],
+        };
+        let [u, v] = self.heights.size().map(|n| sides.map(|side| side * n as f64));
+        let (mut t_in, mut through, mut t_out) = (0.0, None, f64::INFINITY);
+        for (axis, [low, high]) in [u, v, self.slab].into_iter().enumerate() {
+            if dir[axis] == 0.0 {
+                if !(low..=high).contains(&start[axis]) {
+                    return None;
+                }
+                continue;
+            }
+            let ends = [(low - start[axis]) / dir[axis], (high - start[axis]) / dir[axis]];
+            if ends[0].min(ends[1]) > t_in {
+                (t_in, through) = (ends[0].min(ends[1]), Some(axis));
+            }
+            t_out = t_out.min(ends[0].max(ends[1]));
+        }
+        (t_in <= t_out).then_some((t_in, through))
+    }
+
+    /// Ends a ray where it leaves the range of heights, and after the periods that a repeated map is followed for.
+    fn bounded(&self, mut ray: CellRay) -> CellRay {
+        let [low, high] = self.slab;
+        let leaves = match ray.dz {
+            dz if dz > 0.0 => (high - ray.z) / dz,
+            dz if dz < 0.0 => (low - ray.z) / dz,
+            _ => f64::INFINITY,
+        };
+        let size = self.heights.size().map(|n| n as f64);
+        let reach = match ray.dir {
+            [0.0, 0.0] => f64::INFINITY,
+            [0.0, dv] if ray.dz == 0.0 => REACH_PERIODS_ALONG_AXIS * size[1] / dv.abs(),
+            [du, 0.0] if ray.dz == 0.0 => REACH_PERIODS_ALONG_AXIS * size[0] / du.abs(),
+            [du, dv] => {
+                let cells = (REACH_PERIODS * size[0].max(size[1])).clamp(REACH_CELLS[0], REACH_CELLS[1]);
+                cells / du.abs().max(dv.abs())
+            }
+        };
+        // Rounding of `leaves` must not cut off the last of the surface.
+        ray.t_end = (leaves * (1.0 + 1e-12)).min(reach).max(0.0);
+        ray
+    }
+
+    /// Searches the blocks under `ray` one after the other, from the one with `cell`.
+    #[inline(always)]
+    fn walk<R>(
+        &self,
+        ray: &CellRay,
+        cell: [usize; 2],
+        buried: impl Fn() -> Option<R>,
+        leaf: impl Fn(&Candidate) -> Option<R>,
+    ) -> Option<R> {
+        let size = self.heights.size();
+        let node_ray = self.tree.prepare(ray);
+        let length = ray.t_end * ray.dir[0].abs().max(ray.dir[1].abs());
+        let level = block_level(length).clamp(FINEST_BLOCK.min(self.tree.top()), self.tree.top());
+        let block = 1usize << level;
+        let count = size.map(|n| n.div_ceil(block));
+        let mut node = cell.map(|x| x >> level);
+        let mut tile = cell.map(|x| -(x as i64));
+        loop {
+            let at = Block { level, node: node.map(|x| x as u32), tile: tile.map(|x| x as i32) };
+            let found = self.tree.search(&node_ray, at, &buried, &leaf);
+            if found.is_some() {
+                return found;
+            }
+            let ends = [0, 1].map(|k| {
+                let end = if ray.inv[k] > 0.0 { ((node[k] + 1) * block).min(size[k]) } else { node[k] * block };
+                ray.t_at(k, (end as i64 + tile[k]) as f64)
+            });
+            let axis = usize::from(ends[1] < ends[0]);
+            if ends[axis] >= ray.t_end {
+                return None;
+            }
+            let period = size[axis] as i64;
+            let wraps = if ray.inv[axis] > 0.0 {
+                node[axis] = (node[axis] + 1) % count[axis];
+                tile[axis] += if node[axis] == 0 { period } else { 0 };
+                node[axis] == 0
+            } else {
+                let first = node[axis] == 0;
+                node[axis] = if first { count[axis] } else { node[axis] } - 1;
+                tile[axis] -= if first { period } else { 0 };
+                first
+            };
+            if wraps && self.heights.boundary() == Boundary::Clamp {
+                return None;
+            }
+        }
+    }
+}
+
+/// The level whose blocks are about as long as a ray over `cells` cells.
+#[inline]
+fn block_level(cells: f64) -> u32 {
+    (cells.clamp(1.0, REACH_CELLS[1]) as u32).next_power_of_two().trailing_zeros()
+}

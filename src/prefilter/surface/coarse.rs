@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Places per axis of the whole map, at least: 512² leave 0.1 % of noise in a patch's visible area (twill, 8×).
-const PLACES: usize = 512;
+const PLACES: usize = 384;
 
 /// At most this many prototypes; measured on twill at 8×, GGX 0.1, doubling it changes F by under 0.05 %.
 const MAX_PROTOTYPES: usize = 1536;
