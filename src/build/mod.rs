@@ -1,1 +1,3 @@
-//! (room)
+//! From a manifest to published assets.
+
+pub mod manifest;
