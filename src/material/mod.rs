@@ -4,5 +4,7 @@
 //! directions point away from the surface.
 
 mod brdf;
+mod ndf_gaussians;
 
 pub use brdf::{Brdf, Conductor};
+pub use ndf_gaussians::ggx_gaussians;

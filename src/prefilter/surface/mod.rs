@@ -6,6 +6,7 @@ pub mod fine;
 pub mod fit;
 pub mod lobes;
 pub mod published;
+pub mod reflectance;
 pub mod visibility;
 
 use crate::geometry::HeightField;
@@ -73,4 +74,10 @@ pub struct CoarseLevel {
     pub stage_seconds: Vec<(&'static str, f64)>,
     /// Warnings for the user, one line each.
     pub warnings: Vec<String>,
+}
+
+/// Patch (row-major index) of texel or cell `at` on a grid of `size`.
+pub fn patch_of(at: [usize; 2], size: [usize; 2], patches: [usize; 2]) -> usize {
+    let [u, v] = [0, 1].map(|axis| ((2 * at[axis] + 1) * patches[axis] / (2 * size[axis])).min(patches[axis] - 1));
+    v * patches[0] + u
 }

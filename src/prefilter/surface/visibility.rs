@@ -1,1 +1,333 @@
 //! Which texels see which table directions: one bit a texel and direction.
+//!
+//! For one direction the shadow of everything upstream is a running maximum along lines that point to the light:
+//! m ← max(m − t, h), t the rise of the ray a row. All lines of a map advance together, row by row, with a shear of
+//! less than one texel a row, so that each step is a loop over contiguous columns. A texel's centre is lit if it is not
+//! below the shadow height interpolated between the two lines beside it. Cost: O(1) a texel and direction.
+//!
+//! Occluders are taken where the lines cross vertex rows, receivers at texel centres; a cell that faces away from the
+//! light is shadowed by its own upstream edge. Against exact ray casts 0.1 to 0.3 % of the texels differ below 75°.
+
+use crate::geometry::{Boundary, HeightField};
+use crate::math::simd;
+use rayon::prelude::*;
+
+/// Below every height: what a line carries before it meets the map.
+const NOTHING: f32 = -1e30;
+
+/// A shadow can reach over at most this many periods of a repeated map; a texel whose occluder is farther away lies
+/// deep in the shadow of nearer ones.
+const MAX_PERIODS: f32 = 4.0;
+
+/// The map with rows across the march: as stored, or transposed.
+#[derive(Clone, Debug)]
+struct Rows {
+    heights: Vec<f32>,
+    rows: usize,
+    columns: usize,
+    boundary: Boundary,
+}
+
+impl Rows {
+    /// A vertex row; the one past the end repeats the last.
+    #[inline(always)]
+    fn clamped(&self, vertex: usize) -> &[f32] {
+        &self.heights[vertex.min(self.rows - 1) * self.columns..][..self.columns]
+    }
+}
+
+/// How a direction crosses the rows: everything in texels of the marched map but `rise`, in metres.
+#[derive(Clone, Copy, Debug)]
+struct March {
+    /// Columns towards the light per row towards the light.
+    shear: f32,
+    /// Height that the ray gains per row.
+    rise: f32,
+    /// Whether the light stands beyond the last row.
+    light_at_end: bool,
+}
+
+/// Which way the rows of a mask run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Orientation {
+    /// Index = v·width + u.
+    RowMajor,
+    /// Index = u·height + v.
+    Transposed,
+}
+
+/// Sweeps of one height field.
+#[derive(Clone, Debug)]
+pub struct ShadowSweep {
+    plain: Rows,
+    transposed: Rows,
+    spacing: [f32; 2],
+    height_range: f32,
+}
+
+impl ShadowSweep {
+    /// Prepares a height field; holds two copies of its heights.
+    pub fn new(field: &HeightField) -> Self {
+        let [width, height] = field.size();
+        let mut turned = vec![0.0; width * height];
+        transpose(field.heights(), &mut turned, [height, width]);
+        let rows = |heights, rows, columns| Rows { heights, rows, columns, boundary: field.boundary() };
+        let [lo, hi] = field.range();
+        Self {
+            plain: rows(field.heights().to_vec(), height, width),
+            transposed: rows(turned, width, height),
+            spacing: field.spacing(),
+            height_range: hi - lo,
+        }
+    }
+
+    /// Writes 1 for every texel whose centre sees the direction `w` (unit, z > 0) and 0 for the others.
+    ///
+    /// `mask` has one byte a texel, in the order that the returned orientation tells.
+    pub fn mask(&self, w: [f32; 3], mask: &mut [u8]) -> Orientation {
+        // towards the light, in texels of u and v per metre of path; v runs down while y runs up
+        let [u, v] = [w[0] / self.spacing[0], -w[1] / self.spacing[1]];
+        let (rows, along, across, orientation) = if v.abs() >= u.abs() {
+            (&self.plain, v, u, Orientation::RowMajor)
+        } else {
+            (&self.transposed, u, v, Orientation::Transposed)
+        };
+        let march = March {
+            // exactly vertical directions see everything: any huge rise says so
+            shear: if along == 0.0 { 0.0 } else { across / along.abs() },
+            rise: if along == 0.0 { 1e30 } else { w[2] / along.abs() },
+            light_at_end: along > 0.0,
+        };
+        simd::run(Sweep { rows, march, height_range: self.height_range, mask });
+        orientation
+    }
+}
+
+fn transpose(from: &[f32], to: &mut [f32], [rows, columns]: [usize; 2]) {
+    const BLOCK: usize = 32;
+    to.par_chunks_mut(rows * BLOCK).enumerate().for_each(|(block, to)| {
+        for r0 in (0..rows).step_by(BLOCK) {
+            for (k, line) in to.chunks_mut(rows).enumerate() {
+                for r in r0..(r0 + BLOCK).min(rows) {
+                    line[r] = from[r * columns + block * BLOCK + k];
+                }
+            }
+        }
+    });
+}
+
+/// One sweep: the kernel.
+struct Sweep<'a> {
+    rows: &'a Rows,
+    march: March,
+    height_range: f32,
+    mask: &'a mut [u8],
+}
+
+impl simd::Kernel for Sweep<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        match self.rows.boundary {
+            Boundary::Repeat => self.repeat(),
+            Boundary::Clamp => self.clamp(),
+        }
+    }
+}
+
+impl Sweep<'_> {
+    /// Vertex row met at `step` rows away from the light's edge.
+    #[inline(always)]
+    fn vertex_row(&self, step: usize) -> usize {
+        let n = self.rows.rows;
+        if self.march.light_at_end { n - step } else { step }
+    }
+
+    /// Texel row between vertex rows `step` and `step + 1`.
+    #[inline(always)]
+    fn texel_row(&self, step: usize) -> usize {
+        let n = self.rows.rows;
+        if self.march.light_at_end { n - 1 - step } else { step }
+    }
+
+    #[inline(always)]
+    fn repeat(self) {
+        let (n, columns) = (self.rows.rows, self.rows.columns);
+        let reach = (self.height_range / self.march.rise).min(MAX_PERIODS * n as f32);
+        let warm_up = reach.ceil() as usize + 1;
+        let mut shadow = vec![NOTHING; columns];
+        let mut row = vec![0.0; columns + 1];
+        for k in 0..warm_up + n {
+            // vertex row of step k − warm_up, which may lie whole periods before the map
+            let step = (k + n * warm_up.div_ceil(n) - warm_up) % n;
+            let vertex = self.vertex_row(step) % n;
+            let heights = &self.rows.heights[vertex * columns..][..columns];
+            let (offset, fraction) = split(-(self.march.shear * k as f32), columns);
+            rotate_into(heights, offset, &mut row);
+            advance(&mut shadow, &row, fraction, self.march.rise);
+            if k >= warm_up {
+                let (offset, fraction) = split(0.5 + self.march.shear * (k as f32 + 0.5), columns);
+                rotate_into(&shadow, offset, &mut row);
+                let texel_row = self.texel_row(step);
+                let next = self.vertex_row(step + 1) % n;
+                let below = &self.rows.heights[next * columns..][..columns];
+                let lit = &mut self.mask[texel_row * columns..][..columns];
+                let own = CentreRow { light_side: heights, far_side: below, last: [heights[0], below[0]] };
+                own.compare(&row, fraction, 0.5 * self.march.rise, lit);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn clamp(self) {
+        let rows = self.rows;
+        let (n, columns) = (rows.rows, rows.columns);
+        let drift = self.march.shear * (n as f32 + 1.0);
+        // line ℓ stands at column ℓ − base − shear·step, so that every column is met at every step
+        let base = (-drift).max(0.0).ceil() as usize + 2;
+        let lines = columns + base + drift.max(0.0).ceil() as usize + 4;
+        let mut shadow = vec![NOTHING; lines];
+        let mut row = vec![0.0; columns + 2];
+        for step in 0..n {
+            let heights = rows.clamped(self.vertex_row(step));
+            row[..columns].copy_from_slice(heights);
+            row[columns..].fill(heights[columns - 1]);
+            let at = base as f32 + self.march.shear * step as f32;
+            // first line at or right of column 0, and how far right of a column it stands
+            let first = at.ceil();
+            let inside = &mut shadow[first as usize..][..columns];
+            advance(inside, &row, first - at, self.march.rise);
+            let at = base as f32 + self.march.shear * (step as f32 + 0.5) + 0.5;
+            let (line, fraction) = (at.floor() as usize, at - at.floor());
+            let texel_row = self.texel_row(step);
+            let below = rows.clamped(self.vertex_row(step + 1));
+            let lit = &mut self.mask[texel_row * columns..][..columns];
+            let own =
+                CentreRow { light_side: heights, far_side: below, last: [heights[columns - 1], below[columns - 1]] };
+            own.compare(&shadow[line..][..columns + 1], fraction, 0.5 * self.march.rise, lit);
+        }
+    }
+}
+
+/// Whole columns (mod `columns`) and fraction of a column position.
+#[inline(always)]
+fn split(at: f32, columns: usize) -> (usize, f32) {
+    let whole = at.floor();
+    ((whole as i64).rem_euclid(columns as i64) as usize, at - whole)
+}
+
+/// `to[c] = from[(c + offset) mod n]` for c in 0..=n.
+#[inline(always)]
+fn rotate_into(from: &[f32], offset: usize, to: &mut [f32]) {
+    let n = from.len();
+    to[..n - offset].copy_from_slice(&from[offset..]);
+    to[n - offset..n].copy_from_slice(&from[..offset]);
+    to[n] = to[0];
+}
+
+/// m ← max(m − rise, h) for every line; `row` holds one more vertex than there are lines.
+#[inline(always)]
+fn advance(shadow: &mut [f32], row: &[f32], fraction: f32, rise: f32) {
+    let n = shadow.len();
+    let (left, right) = (&row[..n], &row[1..n + 1]);
+    for ((m, &a), &b) in shadow.iter_mut().zip(left).zip(right) {
+        let h = a + fraction * (b - a);
+        let sunk = *m - rise;
+        *m = if sunk > h { sunk } else { h };
+    }
+}
+
+/// The vertex rows on both sides of a row of texels; `last` is the vertex past the end of each.
+struct CentreRow<'a> {
+    light_side: &'a [f32],
+    far_side: &'a [f32],
+    last: [f32; 2],
+}
+
+impl CentreRow<'_> {
+    /// lit = mean of the four corners >= shadow height − sink.
+    #[inline(always)]
+    fn compare(&self, shadow: &[f32], fraction: f32, sink: f32, lit: &mut [u8]) {
+        let n = lit.len();
+        let (a, b) = (&self.light_side[..n], &self.far_side[..n]);
+        let (left, right) = (&shadow[..n], &shadow[1..n + 1]);
+        for c in 0..n - 1 {
+            let centre = 0.25 * (a[c] + a[c + 1] + b[c] + b[c + 1]);
+            let height = left[c] + fraction * (right[c] - left[c]) - sink;
+            lit[c] = u8::from(centre >= height);
+        }
+        let centre = 0.25 * (a[n - 1] + self.last[0] + b[n - 1] + self.last[1]);
+        let height = left[n - 1] + fraction * (right[n - 1] - left[n - 1]) - sink;
+        lit[n - 1] = u8::from(centre >= height);
+    }
+}
+
+/// Visibility of all slots for all directions: `bits[direction][word]`, slot s in bit s % 64 of word s / 64.
+///
+/// Slots are texels in an order that the caller chooses; slots that stand for no texel are 0.
+#[derive(Clone, Debug)]
+pub struct VisibilityBits {
+    words: Vec<u64>,
+    words_per_direction: usize,
+}
+
+/// A slot that stands for no texel.
+pub const EMPTY_SLOT: u32 = u32::MAX;
+
+impl VisibilityBits {
+    /// Sweeps `field` for every direction; `slots[s]` is the row-major texel of slot s, or [`EMPTY_SLOT`].
+    ///
+    /// # Panics
+    /// If the number of slots is not a multiple of 64.
+    pub fn sweep(field: &HeightField, directions: &[[f32; 3]], slots: Vec<u32>) -> Self {
+        assert!(slots.len().is_multiple_of(64), "slots fill whole words");
+        let [width, height] = field.size();
+        let texels = width * height;
+        let words_per_direction = slots.len() / 64;
+        // padding reads the byte past the last texel, which stays 0
+        let mut row_major = slots;
+        row_major.iter_mut().filter(|t| **t == EMPTY_SLOT).for_each(|t| *t = texels as u32);
+        let turn = |t: u32| if t as usize == texels { t } else { t % width as u32 * height as u32 + t / width as u32 };
+        let transposed: Vec<u32> = row_major.iter().map(|&t| turn(t)).collect();
+        let sweep = ShadowSweep::new(field);
+        let mut words = vec![0_u64; words_per_direction * directions.len()];
+        words.par_chunks_mut(words_per_direction.max(1)).zip(directions).for_each_init(
+            || vec![0_u8; texels + 1],
+            |mask, (words, &w)| {
+                let orientation = sweep.mask(w, &mut mask[..texels]);
+                let order = if orientation == Orientation::RowMajor { &row_major } else { &transposed };
+                simd::run(Pack { mask, order, words });
+            },
+        );
+        Self { words, words_per_direction }
+    }
+
+    /// The words of one direction.
+    #[inline]
+    pub fn direction(&self, direction: usize) -> &[u64] {
+        &self.words[direction * self.words_per_direction..][..self.words_per_direction]
+    }
+}
+
+/// Gathers mask bytes into bits.
+struct Pack<'a> {
+    mask: &'a [u8],
+    order: &'a [u32],
+    words: &'a mut [u64],
+}
+
+impl simd::Kernel for Pack<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (word, order) in self.words.iter_mut().zip(self.order.as_chunks::<64>().0) {
+            let mut bits = 0;
+            for (k, &texel) in order.iter().enumerate() {
+                bits |= u64::from(self.mask[texel as usize]) << k;
+            }
+            *word = bits;
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! F on the table directions: one symmetric table a patch, and the terms that it is summed from.
+//!
+//! F(x; ωi, ωo) holds both cosines and is symmetric, so only pairs with `o <= i` are kept. A base BRDF is a sum of
+//! parts whose dependence on the normal is one scalar each; colour and Fresnel factors do not depend on the normal
+//! (Schlick's term sees ωi·h alone), so sums over facets run on scalars and become RGB once, at the end.
+
+use crate::material::Brdf;
+use formats::cell_brdf::{half_vector, schlick_weight};
+use std::f32::consts::FRAC_1_PI;
+
+/// Index of the pair (i, o), o <= i.
+#[inline(always)]
+pub fn pair(i: usize, o: usize) -> usize {
+    debug_assert!(o <= i, "pairs are kept once, o <= i");
+    i * (i + 1) / 2 + o
+}
+
+/// Number of pairs of `n` directions.
+pub fn pair_count(n: usize) -> usize {
+    n * (n + 1) / 2
+}
+
+/// The table directions as structure of arrays.
+#[derive(Clone, Debug)]
+pub struct TableDirections {
+    /// Unit vectors, frame of the base plane, away from the surface.
+    pub vectors: Vec<[f32; 3]>,
+    /// x, y and z of all directions.
+    pub xyz: [Vec<f32>; 3],
+    /// Cells of the concentric square per axis (N).
+    pub resolution: usize,
+}
+
+impl TableDirections {
+    /// The centres of `resolution`² cells of the concentric equal-area map.
+    pub fn new(resolution: usize) -> Self {
+        let vectors = formats::lookup::direction_grid(resolution);
+        let xyz = [0, 1, 2].map(|k| vectors.iter().map(|w| w[k]).collect());
+        Self { vectors, xyz, resolution }
+    }
+
+    /// Number of directions, N².
+    pub fn len(&self) -> usize {
+        self.vectors.len()
+    }
+
+    /// Never: there is at least one direction.
+    pub fn is_empty(&self) -> bool {
+        self.vectors.is_empty()
+    }
+}
+
+/// F of all patches: RGB, `[patch][rgb][pair]`.
+#[derive(Clone, Debug)]
+pub struct PatchReflectance {
+    values: Vec<f32>,
+    pairs: usize,
+}
+
+impl PatchReflectance {
+    /// Number of patches.
+    pub fn patch_count(&self) -> usize {
+        self.values.len() / (3 * self.pairs)
+    }
+
+    /// Number of pairs.
+    pub fn pair_count(&self) -> usize {
+        self.pairs
+    }
+
+    /// F of one patch and channel for all pairs, in [`pair`] order.
+    #[inline]
+    pub fn channel(&self, patch: usize, channel: usize) -> &[f32] {
+        &self.values[(patch * 3 + channel) * self.pairs..][..self.pairs]
+    }
+}
+
+/// The part of the base BRDF that a term belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// f = 1: albedo and 1/π are put in at the end.
+    Diffuse,
+    /// f = D·G/(4 cosθi cosθo): Fresnel is put in at the end.
+    Specular,
+}
+
+/// One scalar sum over facets: a part, weighted by a colour channel or not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Term {
+    /// Which part of the BRDF.
+    pub part: Part,
+    /// Which channel of the colour map weights it, if any.
+    pub tint: Option<usize>,
+}
+
+/// The terms that a BRDF needs: one a part, or one a part and channel where a colour map weights them.
+pub fn terms(brdf: &Brdf, colored: bool) -> Vec<Term> {
+    let channels = |part| {
+        let tints = if colored { vec![Some(0), Some(1), Some(2)] } else { vec![None] };
+        tints.into_iter().map(move |tint| Term { part, tint })
+    };
+    let mut terms = Vec::new();
+    if brdf.diffuse != [0.0; 3] || brdf.specular.is_none() {
+        terms.extend(channels(Part::Diffuse));
+    }
+    if brdf.specular.is_some() {
+        terms.extend(channels(Part::Specular));
+        if colored {
+            // Schlick's grazing term is white
+            terms.push(Term { part: Part::Specular, tint: None });
+        }
+    }
+    terms
+}
+
+/// Weight of a facet with colour `color` in a term.
+#[inline(always)]
+pub fn tint(term: Term, color: [f32; 3]) -> f32 {
+    term.tint.map_or(1.0, |channel| color[channel])
+}
+
+/// Puts albedo, Fresnel and channels together; `sums` is `[patch][term][pair]`.
+pub fn assemble(sums: &[f32], terms: &[Term], brdf: &Brdf, directions: &TableDirections) -> PatchReflectance {
+    let pairs = pair_count(directions.len());
+    let colored = terms.iter().any(|term| term.tint.is_some());
+    let schlick: Vec<f32> = (0..directions.len())
+        .flat_map(|i| (0..=i).map(move |o| (i, o)))
+        .map(|(i, o)| schlick_weight(half_vector(directions.vectors[i], directions.vectors[o]).1))
+        .collect();
+    let mut values = vec![0.0; sums.len() / terms.len() * 3];
+    for (patch, sums) in values.chunks_mut(3 * pairs).zip(sums.chunks(terms.len() * pairs)) {
+        for (channel, out) in patch.chunks_mut(pairs).enumerate() {
+            for (term, sums) in terms.iter().zip(sums.chunks(pairs)) {
+                if term.tint.is_some_and(|tinted| tinted != channel) {
+                    continue;
+                }
+                let f0 = brdf.specular.map_or(0.0, |conductor| conductor.f0[channel]);
+                // f0 + (1 − f0)·s = f0·(1 − s) + s: the first is coloured, the second never
+                let [constant, grazing] = match (term.part, term.tint, colored) {
+                    (Part::Diffuse, ..) => [brdf.diffuse[channel] * FRAC_1_PI, 0.0],
+                    (Part::Specular, None, false) => [f0, 1.0 - f0],
+                    (Part::Specular, Some(_), _) => [f0, -f0],
+                    (Part::Specular, None, true) => [0.0, 1.0],
+                };
+                for ((out, &sum), &s) in out.iter_mut().zip(sums).zip(&schlick) {
+                    *out += (constant + grazing * s) * sum;
+                }
+            }
+        }
+    }
+    PatchReflectance { values, pairs }
+}
+
+/// Ranges of rows i with about the same number of pairs each, in order.
+pub fn row_ranges(directions: usize, parts: usize) -> Vec<std::ops::Range<usize>> {
+    let bound = |k: usize| ((k as f64 / parts as f64).sqrt() * directions as f64).round() as usize;
+    (0..parts).map(|k| bound(k)..bound(k + 1)).filter(|range| !range.is_empty()).collect()
+}
