@@ -141,9 +141,9 @@ impl fmt::Display for Error {
             }
             Self::Size { file, width, height } => write!(
                 f,
-                "`{file}`: the header claims {width} × {height} texels; wanted at least 1 and at most {} (16384²); \
-                 crop or downsample the map",
-                super::MAX_TEXELS
+                "`{file}`: the header claims {width} × {height} texels; wanted 1 to {} a side; crop or \
+                 downsample the map",
+                super::raster::MAX_SIDE
             ),
             Self::TooShort { file, width, height, found, wanted } => write!(
                 f,
@@ -155,11 +155,9 @@ impl fmt::Display for Error {
             Self::Channel { file, wanted: Some(wanted), found } => {
                 write!(f, "`{file}`: channel `{wanted}` not found; the file has {}", list(found))
             }
-            Self::Channel { file, wanted: None, found } => write!(
-                f,
-                "`{file}`: has the channels {}; wanted one of them as `channel`",
-                list(found)
-            ),
+            Self::Channel { file, wanted: None, found } => {
+                write!(f, "`{file}`: has the channels {}; wanted one of them as `channel`", list(found))
+            }
             Self::NotFinite { file, texel: [u, v], value } => {
                 write!(f, "`{file}`: texel ({u}, {v}) is {value}; wanted finite values only")
             }

@@ -36,7 +36,8 @@ pub(super) fn decode(file: &SourceFile, choice: Choice<'_>) -> Result<Raster, Er
 
     let mut planes = vec![vec![0.0; size[0] * size[1]]; chosen.len()];
     let mut seen = BTreeSet::new();
-    let chunks = reader.filter_chunks(false, |_, _, block| block.level.0 == 0 && block.level.1 == 0).map_err(damaged)?;
+    let chunks =
+        reader.filter_chunks(false, |_, _, block| block.level.0 == 0 && block.level.1 == 0).map_err(damaged)?;
     let mut blocks = chunks.sequential_decompressor(false);
     while let Some(block) = blocks.decompress_next_block() {
         let block = block.map_err(damaged)?;

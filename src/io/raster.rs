@@ -2,8 +2,11 @@
 
 use super::{Error, SourceFile, exr_image, jpeg_image, png_image, tiff_image};
 
+/// The longest admissible side of an image.
+pub(super) const MAX_SIDE: u64 = 16384;
+
 /// The largest admissible image: 16384².
-pub const MAX_TEXELS: u64 = 16384 * 16384;
+pub const MAX_TEXELS: u64 = MAX_SIDE * MAX_SIDE;
 
 /// What the stored numbers of an image mean for light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,7 +85,7 @@ fn first_bytes(bytes: &[u8]) -> String {
 
 /// `width × height` as `usize`, if admissible.
 pub(super) fn checked_size(file: &str, width: u64, height: u64) -> Result<[usize; 2], Error> {
-    let admissible = width.checked_mul(height).is_some_and(|texels| (1..=MAX_TEXELS).contains(&texels));
+    let admissible = [width, height].iter().all(|side| (1..=MAX_SIDE).contains(side));
     match (usize::try_from(width), usize::try_from(height)) {
         (Ok(w), Ok(h)) if admissible => Ok([w, h]),
         _ => Err(Error::Size { file: file.into(), width, height }),
@@ -111,7 +114,12 @@ pub(super) fn channel_names(samples: usize) -> Vec<String> {
 }
 
 /// The chosen planes of interleaved samples, each through `value`.
-pub(super) fn planes<T: Copy>(samples: &[T], count: usize, chosen: &[usize], value: impl Fn(T) -> f32) -> Vec<Vec<f32>> {
+pub(super) fn planes<T: Copy>(
+    samples: &[T],
+    count: usize,
+    chosen: &[usize],
+    value: impl Fn(T) -> f32,
+) -> Vec<Vec<f32>> {
     chosen.iter().map(|&channel| samples.iter().skip(channel).step_by(count).map(|&s| value(s)).collect()).collect()
 }
 

@@ -1,6 +1,6 @@
 //! The keys of `bsdf = { type = … }`.
 
-use super::fields::{Fields, number, quoted};
+use super::fields::{Fields, number};
 use crate::material::{Brdf, Conductor};
 
 /// The types of BRDF that are compiled.
@@ -14,7 +14,7 @@ const RGB: &str = "three numbers from 0 to 1 (linear RGB)";
 
 /// Reads a base BRDF; `None` where something is missing or wrong, which is then noted.
 pub(super) fn read(fields: &mut Fields<'_, '_, '_, '_>) -> Option<Brdf> {
-    let wanted = quoted(&TYPES);
+    let wanted = TYPES.map(|name| format!("`\"{name}\"`")).join(" or ");
     fields.require("type", &wanted);
     let kind = fields.text("type", &wanted)?;
     match kind.as_str() {

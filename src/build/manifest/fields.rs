@@ -9,17 +9,31 @@ use super::Mistake;
 pub(super) struct Mistakes<'t> {
     text: &'t str,
     found: Vec<Mistake>,
+    has_syntax_mistakes: bool,
 }
 
 impl<'t> Mistakes<'t> {
     /// None yet.
     pub(super) fn new(text: &'t str) -> Self {
-        Self { text, found: Vec::new() }
+        Self { text, found: Vec::new(), has_syntax_mistakes: false }
     }
 
     /// Notes a mistake at a byte offset.
     pub(super) fn push(&mut self, offset: usize, message: String) {
         self.found.push(Mistake::at(self.text, offset, message));
+    }
+
+    /// Notes a mistake of the text's syntax.
+    pub(super) fn push_syntax(&mut self, offset: usize, message: String) {
+        self.has_syntax_mistakes = true;
+        self.push(offset, message);
+    }
+
+    /// Notes that something is not there, unless a syntax mistake may have swallowed it.
+    pub(super) fn push_missing(&mut self, offset: usize, message: String) {
+        if !self.has_syntax_mistakes {
+            self.push(offset, message);
+        }
     }
 
     /// All, in order of place, each once.
@@ -57,7 +71,9 @@ impl<'a, 'i, 'm, 't> Fields<'a, 'i, 'm, 't> {
 
     /// The value of `key`, if given, with the offset of the key.
     pub(super) fn raw(&mut self, key: &'static str) -> Option<(usize, &'a Spanned<DeValue<'i>>)> {
-        self.asked.push(key);
+        if !self.asked.contains(&key) {
+            self.asked.push(key);
+        }
         self.table.get_key_value(key).map(|(key, value)| (key.span().start, value))
     }
 
@@ -85,7 +101,7 @@ impl<'a, 'i, 'm, 't> Fields<'a, 'i, 'm, 't> {
     /// A mistake where `key` is not given.
     pub(super) fn require(&mut self, key: &'static str, wanted: &str) {
         if !self.has(key) {
-            self.mistakes.push(self.start, format!("`{}` has no `{key}`; wanted {wanted}", self.title));
+            self.mistakes.push_missing(self.start, format!("`{}` has no `{key}`; wanted {wanted}", self.title));
         }
     }
 
@@ -120,7 +136,9 @@ impl<'a, 'i, 'm, 't> Fields<'a, 'i, 'm, 't> {
         wanted: &str,
         accept: impl Fn(f64) -> bool,
     ) -> Option<[f64; N]> {
-        self.value(key, wanted, |value| numbers(value)?.try_into().ok().filter(|n: &[f64; N]| n.iter().all(|n| accept(*n))))
+        self.value(key, wanted, |value| {
+            numbers(value)?.try_into().ok().filter(|n: &[f64; N]| n.iter().all(|n| accept(*n)))
+        })
     }
 
     /// A string that is not empty.
@@ -134,7 +152,11 @@ impl<'a, 'i, 'm, 't> Fields<'a, 'i, 'm, 't> {
     }
 
     /// The table `key` through `read`, after which its unknown keys are mistakes.
-    pub(super) fn table<T>(&mut self, key: &'static str, read: impl FnOnce(&mut Fields<'_, 'i, '_, 't>) -> T) -> Option<T> {
+    pub(super) fn table<T>(
+        &mut self,
+        key: &'static str,
+        read: impl FnOnce(&mut Fields<'_, 'i, '_, 't>) -> T,
+    ) -> Option<T> {
         let (start, value) = self.raw(key)?;
         let Some(table) = value.get_ref().as_table() else {
             let found = self.mistakes.excerpt(value);
@@ -187,7 +209,7 @@ pub(super) fn numbers(value: &DeValue<'_>) -> Option<Vec<f64>> {
 }
 
 /// The known name nearest to `name`, if it is near enough to be meant: a third of its letters, at least one, differ.
-pub fn closest<'k>(name: &str, known: &[&'k str]) -> Option<&'k str> {
+pub(crate) fn closest<'k>(name: &str, known: &[&'k str]) -> Option<&'k str> {
     let name = name.to_lowercase();
     known
         .iter()

@@ -8,6 +8,7 @@ mod fields;
 mod mistake;
 mod surface;
 
+pub(crate) use fields::closest;
 pub use mistake::Mistake;
 pub use surface::SurfaceSpec;
 
@@ -34,7 +35,7 @@ impl Manifest {
         let mut mistakes = Mistakes::new(text);
         let (root, errors) = DeTable::parse_recoverable(text);
         for error in &errors {
-            mistakes.push(error.span().map_or(0, |span| span.start), syntax_message(error.message()));
+            mistakes.push_syntax(error.span().map_or(0, |span| span.start), syntax_message(error.message()));
         }
         let surfaces = read_root(root.get_ref(), &mut mistakes);
         match mistakes.finish() {
@@ -55,7 +56,7 @@ fn syntax_message(message: &str) -> String {
 
 /// The tables of the document.
 fn read_root(root: &DeTable<'_>, mistakes: &mut Mistakes<'_>) -> Vec<SurfaceSpec> {
-    let mut fields = Fields::new(root, "the manifest".into(), 0, mistakes);
+    let mut fields = Fields::new(root, "manifest".into(), 0, mistakes);
     let error = fields.table("build", |build| build.number("error", ERROR_WANTED, is_error)).flatten();
     let surfaces = fields.raw("surface").and_then(|(_, value)| value.get_ref().as_table());
     let has_surfaces = fields.has("surface");
@@ -63,7 +64,7 @@ fn read_root(root: &DeTable<'_>, mistakes: &mut Mistakes<'_>) -> Vec<SurfaceSpec
     fields.refuse("scene", "scenes are not supported in this version; wanted `[surface.NAME]` tables");
     fields.finish();
     if !has_surfaces {
-        mistakes.push(0, "the manifest has no `[surface.NAME]` table; wanted at least one".into());
+        mistakes.push_missing(0, "the manifest has no `[surface.NAME]` table; wanted at least one".into());
     }
     let Some(surfaces) = surfaces else {
         if let Some((key, _)) = root.get_key_value("surface") {

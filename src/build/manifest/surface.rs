@@ -44,6 +44,9 @@ pub struct SurfaceSpec {
 /// The largest factor: nothing is left of the largest map.
 const MAX_FACTOR: f64 = 16384.0;
 
+/// The most levels that an asset holds.
+const MAX_LEVELS: usize = formats::asset::MAX_LEVELS;
+
 /// Sizes of the tables where the manifest names none: T of 4 × 4 patches, S over 15 × 15 directions, rank 1. Tried on
 /// woven cloth, reliefs and noise at 8×: 1 to 2 % error off the nodes; finer ones gain less than they weigh.
 const DEFAULT_TABLES: [u64; 3] = [4, 15, 1];
@@ -127,7 +130,7 @@ fn read_factors(fields: &mut Fields<'_, '_, '_, '_>, wanted: &str) -> Option<Vec
         let factors = numbers(value)?;
         let admissible = factors.iter().all(|f| (1.0..=MAX_FACTOR).contains(f));
         let increasing = factors.windows(2).all(|pair| pair[0] < pair[1]);
-        (!factors.is_empty() && admissible && increasing).then_some(factors)
+        ((1..=MAX_LEVELS).contains(&factors.len()) && admissible && increasing).then_some(factors)
     })
 }
 
