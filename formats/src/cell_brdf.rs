@@ -12,7 +12,7 @@
 //! from the surface, in the frame of the base plane (z = ωg). Values are 1/sr, RGB, without a cosine, and symmetric
 //! in ωi and ωo by construction.
 
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, FRAC_2_PI};
 
 /// One von Mises-Fisher lobe of a cell's normal distribution; weight 0 means unused.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,12 +76,16 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 /// What one lobe needs of one direction ω; see [`LobeKernel::facing`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Facing {
-    /// μ·ω.
+    /// c = μ·ω.
     pub cos_mean: f32,
     /// P_j(ω), the mean of ⟨n, ω⟩.
     pub mean: f32,
-    /// Standard deviation of ⟨n, ω⟩ over that of the unclamped n·ω.
-    pub spread: f32,
+    /// The mean of ⟨n, ω⟩ if n·ω were normally distributed.
+    normal_mean: f32,
+    /// Φ(z), the fraction of normals that face ω.
+    fraction: f32,
+    /// √(Var⟨n, ω⟩/Var(n·ω) − Φ²).
+    excess: f32,
 }
 
 /// The constants of one lobe, ready for many directions. The weight is not included: P_j and N_j are per unit weight.
@@ -125,84 +129,97 @@ impl LobeKernel {
         }
     }
 
-    /// P_j(ω) and the relative spread of ⟨n, ω⟩, with n·ω taken as normally distributed.
+    /// P_j(ω) and the moments of ⟨n, ω⟩ that [`LobeKernel::cosines`] needs, with n·ω taken as normally distributed.
     ///
     /// m = r μ·ω and s² = (r/κ)(1 − (μ·ω)²) + Var(n·μ)(μ·ω)² are the exact mean and variance of n·ω. With z = m/s,
     /// t(z) = φ(z) − |z|Φ(−|z|) and q(z) = (z² + 1)Φ(−|z|) − |z|φ(z), both as φ times a rational function (within
-    /// 5e-5 of themselves), the clamped first and second moment are max(m, 0) + s t and, for z < 0, s² q.
-    /// Against quadrature P_j is within 0.01 everywhere; see the tests for the bound over κ.
+    /// 5e-5 of themselves), the clamped mean is max(m, 0) + s t, and the clamped second moment s² q for z < 0.
+    /// For P_j, t is widened so that wide lobes seen from the side are exact.
     #[inline(always)]
     pub fn facing(&self, w: [f32; 3]) -> Facing {
         let c = dot(self.mean, w);
         let m = self.resultant * c;
-        let s = (self.var_across * (1.0 - c * c).max(0.0) + self.var_along * c * c).sqrt();
+        let s = self.spread(c);
         let z = (m / s.max(1e-9)).abs().min(13.0);
         let phi = 0.398_942_3 * exp_neg(-0.5 * z * z);
         let t = phi * (1.0 + z * (0.412_607_1 + z * 0.079_286_79))
             / (1.0 + z * (1.665_448_9 + z * (1.169_974_5 + z * (0.418_329_13 + z * 0.079_094_53))));
-        let q = phi * (1.253_314_1 + z * (0.440_773_61 + z * 0.077_009_19))
+        let q = phi * (1.253_314_1 + z * (0.440_773_6 + z * 0.077_009_19))
             / (1.0 + z * (1.947_749_8 + z * (1.666_949_7 + z * (0.811_491_7 + z * (0.223_708_7 + z * 0.038_407_24)))));
-        let t = t * self.widen;
-        let facing = 1.0 - q - t * (2.0 * z + t);
-        let averted = q - t * t;
-        let variance = if m >= 0.0 { facing } else { averted };
-        // max(0): rounding of q − t² where both are below 1e-30
-        Facing { cos_mean: c, mean: m.max(0.0) + s * t, spread: variance.max(0.0).sqrt() }
+        let averted = (q + z * phi) / (z * z + 1.0); // Φ(−|z|)
+        let faces = m >= 0.0;
+        let fraction = if faces { 1.0 - averted } else { averted };
+        let variance = if faces { 1.0 - q - t * (2.0 * z + t) } else { q - t * t };
+        // max(0): rounding, where both terms are near 1 or both near 0
+        let excess = (variance - fraction * fraction).max(0.0).sqrt();
+        let positive = m.max(0.0);
+        Facing { cos_mean: c, mean: positive + self.widen * s * t, normal_mean: positive + s * t, fraction, excess }
+    }
+
+    /// Standard deviation of n·ω for μ·ω = `c`.
+    #[inline(always)]
+    fn spread(&self, c: f32) -> f32 {
+        (self.var_across * (1.0 - c * c).max(0.0) + self.var_along * c * c).sqrt()
     }
 
     /// ∫ ⟨n, ωi⟩ ⟨n, ωo⟩ γ(n) dn; `cos_io` = ωi·ωo.
     ///
-    /// P_i P_o plus the covariance. Unclamped, the covariance is exact,
-    /// (r/κ)(ωi·ωo − c_i c_o) + Var(n·μ) c_i c_o; clamping scales it by both spreads. Where it is negative,
-    /// 1 + q becomes 1/(1 − q + ¾q²), which agrees to first order and stays positive.
+    /// For jointly normal x = n·ωi, y = n·ωo of correlation ρ, the derivative of E⟨x⟩⟨y⟩ by ρ at ρ = 0 is
+    /// s_i s_o Φ_i Φ_o (Price's theorem); the term in ρ² makes ρ = 1 exact for ωi = ωo:
+    ///
+    /// N_j = P_i P_o + cov(x, y) Φ_i Φ_o + cov(x, y)²/(s_i s_o) · e_i e_o,   e² = Var⟨x⟩/Var x − Φ²
+    ///
+    /// where cov(x, y) = (r/κ)(ωi·ωo − c_i c_o) + Var(n·μ) c_i c_o is exact. Unclamped it is all exact (Φ = 1, e = 0).
     #[inline(always)]
     pub fn cosines(&self, i: Facing, o: Facing, cos_io: f32) -> f32 {
         let along = i.cos_mean * o.cos_mean;
-        let covariance = (self.var_across * (cos_io - along) + self.var_along * along) * i.spread * o.spread;
-        let independent = i.mean * o.mean;
-        let q = (covariance / independent.max(1e-20)).min(0.0);
-        let negative = independent / (1.0 - q + 0.75 * q * q);
-        if covariance >= 0.0 { independent + covariance } else { negative }
+        let covariance = self.var_across * (cos_io - along) + self.var_along * along;
+        let spread = (self.spread(i.cos_mean) * self.spread(o.cos_mean)).max(1e-12);
+        let independent = i.normal_mean * o.normal_mean;
+        let correlated = covariance * (i.fraction * o.fraction + covariance / spread * i.excess * o.excess);
+        // the quadratic in ρ may end a little below 0 at ρ = −1, where the truth is 0
+        (independent + correlated).max(1e-3 * independent)
     }
 
     /// ∫ D(h·n) G(n; ωi, ωo)/4 γ(n) dn, which is N_j of a conductor without its Fresnel term.
     ///
-    /// Each product of a spherical Gaussian (λ, h) with the lobe is integrated exactly:
-    /// norm(κ) · exp(−2λκ(1 − h·μ)/(K + κ + λ)) · (1 − e^{−2K})/K, K = |λh + κμ|; 1 − h·μ = |h − μ|²/2.
-    /// G is taken at the direction between h and μ where the product peaks, with softly clamped cosines.
+    /// `cos_half` = ωi·h = ωo·h, `ci` = μ·ωi and `co` = μ·ωo.
     #[inline(always)]
-    pub fn specular(&self, specular: SpecularRef<'_>, half: [f32; 3], wi: [f32; 3], wo: [f32; 3]) -> f32 {
-        let d = [half[0] - self.mean[0], half[1] - self.mean[1], half[2] - self.mean[2]];
-        let one_minus_cos = 0.5 * dot(d, d);
-        let mut sum = 0.0;
-        for &[lambda, amplitude] in specular.gaussians {
-            let total = self.kappa + lambda;
-            let k2 = (total * total - 2.0 * lambda * self.kappa * one_minus_cos).max(0.0);
-            let k = k2.sqrt().max(1e-4);
-            let exponent = -2.0 * lambda * self.kappa * one_minus_cos / (k + total).max(1e-9);
-            sum += amplitude * exp_neg(exponent) * (1.0 - exp_neg(-2.0 * k)) / k;
-        }
-        sum * self.norm * 0.25 * self.shadowing(specular.alpha, one_minus_cos, half, wi, wo)
+    pub fn specular(&self, specular: SpecularRef<'_>, cos_half: f32, ci: f32, co: f32) -> f32 {
+        let gaussians = specular.gaussians.iter();
+        gaussians.map(|&gaussian| self.specular_term(specular.alpha, gaussian, cos_half, ci, co)).sum()
     }
 
-    /// Height-correlated Smith G at the peak of the product of base NDF and lobe.
+    /// One Gaussian (λ, amplitude) of [`LobeKernel::specular`]; their sum is taken in the order of the Gaussians.
+    ///
+    /// The product of a spherical Gaussian (λ, h) with the lobe is itself a vMF lobe of concentration K = |λh + κμ|
+    /// and is integrated exactly:
+    ///
+    /// norm(κ) · exp(−2λκ(1 − h·μ)/(K + κ + λ)) · (1 − e^{−2K})/K
+    ///
+    /// G is height-correlated Smith shadowing at that lobe's mean cosines with ωi and ωo, softly clamped.
     #[inline(always)]
-    fn shadowing(&self, alpha: f32, one_minus_cos: f32, half: [f32; 3], wi: [f32; 3], wo: [f32; 3]) -> f32 {
-        let a2 = alpha * alpha;
-        let lambda = 2.0 / a2; // the single Gaussian closest to the peak of the NDF
+    pub fn specular_term(&self, alpha: f32, [lambda, amplitude]: [f32; 2], cos_half: f32, ci: f32, co: f32) -> f32 {
+        let one_minus_cos = (1.0 - (ci + co) / (2.0 * cos_half).max(1e-9)).clamp(0.0, 2.0);
         let total = self.kappa + lambda;
-        let k = (total * total - 2.0 * lambda * self.kappa * one_minus_cos).max(0.0).sqrt().max(1e-4);
-        let [a, b] = [lambda / k, self.kappa / k];
-        let m = [a * half[0] + b * self.mean[0], a * half[1] + b * self.mean[1], a * half[2] + b * self.mean[2]];
+        let cross = 2.0 * lambda * self.kappa * one_minus_cos;
+        let k = (total * total - cross).max(0.0).sqrt().max(1e-4);
+        let product = exp_neg(-cross / (k + total)) * (1.0 - exp_neg(-2.0 * k)) / k;
+        // r(K) ≈ K/(K + 1 + 2/(1 + K)): exact in both limits, within 0.02 of coth K − 1/K
+        let shrink = (k + 1.0) / ((k + 1.0) * (k + 1.0) + 2.0);
+        let near = lambda * cos_half;
         // E⟨n, ω⟩ of a vMF lobe at a right angle is √(1/(2πK)), and ¼ for K = 0
-        let soft = 0.636_62 / (k + 2.546_5);
-        let [ci, co] = [soft_cosine(dot(m, wi), soft), soft_cosine(dot(m, wo), soft)];
-        let si = (a2 + (1.0 - a2) * ci * ci).sqrt();
-        let so = (a2 + (1.0 - a2) * co * co).sqrt();
-        2.0 * ci * co / (ci * so + co * si).max(1e-12)
+        let soft = FRAC_2_PI / (k + 2.546_5);
+        let i = soft_cosine((near + self.kappa * ci) * shrink, soft);
+        let o = soft_cosine((near + self.kappa * co) * shrink, soft);
+        let a2 = alpha * alpha;
+        let smith_i = (a2 + (1.0 - a2) * i * i).sqrt();
+        let smith_o = (a2 + (1.0 - a2) * o * o).sqrt();
+        0.5 * self.norm * amplitude * product * i * o / (i * smith_o + o * smith_i).max(1e-12)
     }
 }
 
+/// A smooth max(x, 0), at most 1.
 #[inline(always)]
 fn soft_cosine(x: f32, soft: f32) -> f32 {
     (0.5 * (x + (x * x + soft).sqrt())).clamp(0.0, 1.0)
@@ -274,13 +291,14 @@ impl<'a> CellBrdf<'a> {
 
     /// N_c(ωi, ωo), RGB.
     pub fn numerator(&self, wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
-        let (half, cos_half) = half_vector(wi, wo);
+        let cos_half = half_vector(wi, wo).1;
         let cos_io = dot(wi, wo);
         let [mut diffuse, mut specular] = [0.0; 2];
         for (weight, lobe) in &self.lobes {
-            diffuse += weight * lobe.cosines(lobe.facing(wi), lobe.facing(wo), cos_io);
+            let [i, o] = [wi, wo].map(|w| lobe.facing(w));
+            diffuse += weight * lobe.cosines(i, o, cos_io);
             if let Some(conductor) = &self.brdf.specular {
-                specular += weight * lobe.specular(conductor.view(), half, wi, wo);
+                specular += weight * lobe.specular(conductor.view(), cos_half, i.cos_mean, o.cos_mean);
             }
         }
         let schlick = schlick_weight(cos_half);

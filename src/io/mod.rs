@@ -18,3 +18,6 @@ mod tiff_image;
 pub use error::Error;
 pub use raster::MAX_TEXELS;
 pub use source::SourceFile;
+
+#[cfg(test)]
+mod tests;

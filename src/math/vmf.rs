@@ -62,13 +62,16 @@ pub fn one_minus_resultant(kappa: f32) -> f32 {
     if kappa < 0.3 {
         return 1.0 - mean_resultant_length(kappa);
     }
+    if kappa > 10.0 {
+        return 1.0 / kappa; // the rest is 4e-8 of it
+    }
     let k = f64::from(kappa);
     (1.0 / k - 2.0 / (2.0 * k).exp_m1()) as f32
 }
 
 /// The concentration whose mean resultant length is 1 − `one_minus_r`, at most [`MAX_KAPPA`].
 ///
-/// κ ≈ r(3 − r²)/((1 − r)(1 + r)) [VMF], refined by Newton steps on coth κ − 1/κ = r. For 1 − r < 0.1 the coth is 1
+/// κ ≈ r(3 − r²)/((1 − r)(1 + r)) \[VMF\], refined by Newton steps on coth κ − 1/κ = r. For 1 − r < 0.1 the coth is 1
 /// to 4e-9 and κ = 1/(1 − r); for r < 0.1 the inverse series 3r + 9r³/5 + 297r⁵/175 + 1539r⁷/875 is as exact.
 pub fn kappa_from_one_minus_r(one_minus_r: f32) -> f32 {
     debug_assert!((0.0..=1.0).contains(&one_minus_r), "1 - r = {one_minus_r} out of range");

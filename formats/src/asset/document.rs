@@ -147,8 +147,10 @@ impl Document {
 
     /// The same checks for writer and reader: whatever is written can be read.
     pub(super) fn check(&self) -> Result<(), Fault> {
+        /// Range of lengths in metres: an atom and a light year, so that squares and quotients stay finite.
+        const LENGTHS: [f64; 2] = [1e-10, 1e16];
         for (axis, &metres) in self.size.iter().enumerate() {
-            within(format!("`size`[{axis}]"), metres, f64::MIN_POSITIVE, f64::MAX)?;
+            within(format!("`size`[{axis}] in metres"), metres, LENGTHS[0], LENGTHS[1])?;
         }
         for (key, texels) in [("width", self.source.width), ("height", self.source.height)] {
             within(format!("`source.{key}`"), texels, 1, MAX_CELLS as u32)?;
@@ -158,6 +160,9 @@ impl Document {
         }
         self.bsdf.check()?;
         within("number of `levels`", self.levels.len(), 0, MAX_LEVELS)?;
+        for pair in self.levels.windows(2) {
+            within("`index` of a level", pair[1].index, pair[0].index.saturating_add(1), u32::MAX)?;
+        }
         self.levels.iter().try_for_each(LevelDocument::check)
     }
 }
@@ -210,6 +215,8 @@ impl LevelDocument {
     }
 
     fn check(&self) -> Result<(), Fault> {
+        /// No error figure is larger, whatever was compiled.
+        const MAX_FIGURE: f64 = 1e30;
         let key = |name: &str| format!("level {}, `{name}`", self.index);
         within(key("index"), self.index, 1, u32::MAX)?;
         for axis in 0..2 {
@@ -221,8 +228,8 @@ impl LevelDocument {
         within(key("N"), self.directions, 1, MAX_DIRECTIONS)?;
         within(key("rank"), self.rank, 1, MAX_RANK)?;
         for (name, figure) in self.error.iter().flat_map(LevelError::figures) {
-            within(key(name), figure.value, f64::MIN, f64::MAX)?;
-            within(key(name), figure.standard_error, 0.0, f64::MAX)?;
+            within(key(name), figure.value, -MAX_FIGURE, MAX_FIGURE)?;
+            within(key(name), figure.standard_error, 0.0, MAX_FIGURE)?;
         }
         Ok(())
     }

@@ -17,8 +17,8 @@ impl SurfaceAsset {
         let levels = self.levels.iter().map(|level| encode_level(level, &mut files)).collect::<Result<_, _>>()?;
         let document = Document::new(self, levels);
         document.check().map_err(|fault| Error::shape(fault.place, fault.wanted, fault.found))?;
-        let mut json = serde_json::to_vec_pretty(&document).expect("a tree with string keys is JSON");
-        json.push(b'\n');
+        // No newline at the end: so every truncation of the file is one of its JSON.
+        let json = serde_json::to_vec_pretty(&document).expect("a tree with string keys is JSON");
         if json.len() as u64 > MAX_DOCUMENT_LENGTH {
             let wanted = format!("at most {MAX_DOCUMENT_LENGTH} bytes of `{DOCUMENT}`");
             return Err(Error::shape("settings, versions and levels", wanted, format!("{} bytes", json.len())));

@@ -54,6 +54,41 @@ impl SurfaceLevel {
         sum
     }
 
+    /// Height in metres of the coarse surface over the fraction `x` ∈ [0, 1) of the map.
+    ///
+    /// Vertex (i, j) stands over the fraction (i/`cells[0]`, j/`cells[1]`); the surface is bilinear between vertices, and
+    /// the vertex after the last is the first (`Repeat`) or the last again (`Clamp`).
+    pub fn height_at(&self, x: [f32; 2], boundary: Boundary) -> f32 {
+        let ([h00, h10, h01, h11], [s, t]) = self.corners_at(x, boundary);
+        let [top, bottom] = [h00 + (h10 - h00) * s, h01 + (h11 - h01) * s];
+        top + (bottom - top) * t
+    }
+
+    /// Unit normal n_c of the coarse surface over the fraction `x` ∈ [0, 1) of the map of `asset`, base frame.
+    ///
+    /// normalise(−∂h/∂x, −∂h/∂y, 1) of the bilinear patch, y = −v.
+    pub fn normal_at(&self, asset: &SurfaceAsset, x: [f32; 2]) -> [f32; 3] {
+        let ([h00, h10, h01, h11], [s, t]) = self.corners_at(x, asset.boundary);
+        let spacing = [0, 1].map(|axis| (asset.size[axis] / self.cells[axis] as f64) as f32);
+        let dh_dx = ((h10 - h00) * (1.0 - t) + (h11 - h01) * t) / spacing[0];
+        let dh_dv = ((h01 - h00) * (1.0 - s) + (h11 - h10) * s) / spacing[1];
+        let scale = 1.0 / (dh_dx * dh_dx + dh_dv * dh_dv + 1.0).sqrt();
+        [-dh_dx * scale, dh_dv * scale, scale]
+    }
+
+    /// Corner heights (00, 10, 01, 11; first index along u) of the cell at `x`, and the fraction of the cell.
+    fn corners_at(&self, x: [f32; 2], boundary: Boundary) -> ([f32; 4], [f32; 2]) {
+        let [(i, i1, s), (j, j1, t)] = [0, 1].map(|axis| {
+            let n = self.cells[axis];
+            let place = x[axis] * n as f32;
+            let cell = (place as usize).min(n - 1);
+            let beyond = if boundary == Boundary::Repeat { 0 } else { cell };
+            (cell, if cell + 1 < n { cell + 1 } else { beyond }, place - cell as f32)
+        });
+        let at = |i: usize, j: usize| self.heights[j * self.cells[0] + i];
+        ([at(i, j), at(i1, j), at(i, j1), at(i1, j1)], [s, t])
+    }
+
     /// Index of the cell that holds the fraction `x` ∈ [0, 1) of the map: floor(x·cells) along u and v.
     #[inline]
     pub fn cell_at(&self, x: [f32; 2]) -> usize {

@@ -23,7 +23,8 @@ pub(super) fn read(fields: &mut Fields<'_, '_, '_, '_>) -> Option<Brdf> {
             Some(Brdf { diffuse: rgb(fields, "albedo")?, specular: None })
         }
         "conductor" => {
-            let diffuse = if fields.has("albedo") { rgb(fields, "albedo") } else { Some([0.0; 3]) };
+            let is_bare = !fields.has("albedo");
+            let diffuse = rgb(fields, "albedo").or(is_bare.then_some([0.0; 3]));
             let specular = read_conductor(fields);
             Some(Brdf { diffuse: diffuse?, specular: Some(specular?) })
         }

@@ -13,7 +13,7 @@ use super::{VmfLobe, patch_of};
 use crate::geometry::HeightField;
 use crate::material::Brdf;
 use crate::math::simd;
-use formats::cell_brdf::{Facing, LobeKernel, MIN_FACING, SpecularRef, half_vector};
+use formats::cell_brdf::{Facing, LobeKernel, MIN_FACING, half_vector};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -25,7 +25,7 @@ const PLACES: usize = 512;
 const MAX_PROTOTYPES: usize = 1536;
 
 /// Rows of pairs a task: what a task holds of the prototypes' tables must fit a cache.
-const TASKS: usize = 32;
+const TASKS: usize = 12;
 
 /// What the coarse surface is made of.
 pub struct CoarseSurface<'a> {
@@ -309,15 +309,16 @@ impl PrototypeTables {
         let has = |part| task.terms.iter().any(|term| term.part == part);
         let mut parts = [Part::Diffuse, Part::Specular]
             .map(|part| if has(part) { vec![0.0; task.prototypes.kernels.len() * stride] } else { Vec::new() });
-        let specular = SpecularRef {
-            alpha: task.coarse.brdf.specular.map_or(1.0, |conductor| conductor.alpha),
-            gaussians: task.coarse.gaussians,
-        };
         let w = &task.directions.vectors;
         let mut facing = vec![Facing::default(); n];
+        let cos_halves: Vec<Vec<f32>> =
+            rows.clone().map(|i| w[..=i].iter().map(|&wo| half_vector(w[i], wo).1).collect()).collect();
+        let alpha = task.coarse.brdf.specular.map_or(1.0, |conductor| conductor.alpha);
+        let mut cosines = vec![0.0; n];
         for (k, kernel) in task.prototypes.kernels.iter().enumerate() {
+            facing.iter_mut().zip(w).for_each(|(facing, &w)| *facing = kernel.facing(w));
+            cosines.iter_mut().zip(&facing).for_each(|(c, facing)| *c = facing.cos_mean);
             if !parts[0].is_empty() {
-                facing.iter_mut().zip(w).for_each(|(facing, &w)| *facing = kernel.facing(w));
                 for (row, i) in parts[0][k * stride..][..stride].chunks_mut(n).zip(rows.clone()) {
                     for ((out, &o), &wo) in row[..i + 1].iter_mut().zip(&facing).zip(w) {
                         let cos_io = w[i][0] * wo[0] + w[i][1] * wo[1] + w[i][2] * wo[2];
@@ -327,8 +328,12 @@ impl PrototypeTables {
             }
             if !parts[1].is_empty() {
                 for (row, i) in parts[1][k * stride..][..stride].chunks_mut(n).zip(rows.clone()) {
-                    for (out, &wo) in row[..i + 1].iter_mut().zip(w) {
-                        *out = kernel.specular(specular, half_vector(w[i], wo).0, w[i], wo);
+                    // one Gaussian at a time, so that the loop over directions is the innermost
+                    for &gaussian in task.coarse.gaussians {
+                        let halves = &cos_halves[i - rows.start];
+                        for ((out, &co), &cos_half) in row[..i + 1].iter_mut().zip(&cosines).zip(halves) {
+                            *out += kernel.specular_term(alpha, gaussian, cos_half, cosines[i], co);
+                        }
                     }
                 }
             }
@@ -348,6 +353,8 @@ impl PrototypeTables {
 struct CellScratch {
     /// `[place][direction]`: A_c(ω) V(ω).
     area: Vec<f32>,
+    /// `[direction]`: the visibility word that the place lies in.
+    words: Vec<u64>,
     joint: Vec<f32>,
     numerator: Vec<f32>,
 }
@@ -355,7 +362,7 @@ struct CellScratch {
 impl CellScratch {
     fn new(places: &Places, n: usize) -> Self {
         let count = places.per_axis * places.per_axis;
-        Self { area: vec![0.0; count * n], joint: vec![0.0; n], numerator: vec![0.0; n] }
+        Self { area: vec![0.0; count * n], words: vec![0; n], joint: vec![0.0; n], numerator: vec![0.0; n] }
     }
 
     /// A_c(ω) V(ω) at every place of a cell for the first `n` directions.
@@ -364,21 +371,19 @@ impl CellScratch {
         let places = task.places;
         let [x, y, z] = &task.directions.xyz;
         let (x, y, z) = (&x[..n], &y[..n], &z[..n]);
+        let first = cell * places.bits_per_cell;
         for (place, area) in self.area.chunks_exact_mut(n).enumerate() {
+            let (word, bit) = ((first + place) / 64, (first + place) % 64);
+            if place == 0 || bit == 0 {
+                self.words.iter_mut().enumerate().for_each(|(o, seen)| *seen = task.bits.direction(o)[word]);
+            }
             let [i, j] = places.texel(cell, place);
             let slope = places.field.slope(i, j, 0.5, 0.5);
-            for o in 0..n {
-                area[o] = (z[o] - slope[0] * x[o] - slope[1] * y[o]).max(0.0);
-            }
-        }
-        let first = cell * places.bits_per_cell;
-        for direction in 0..n {
-            let words = task.bits.direction(direction);
-            for place in 0..places.per_axis * places.per_axis {
-                let bit = first + place;
-                let seen = words[bit / 64] >> (bit % 64) & 1;
-                // a mask, not a branch: visibility is as good as random here
-                self.area[place * n + direction] *= seen as f32;
+            for ((((area, &word), &x), &y), &z) in area.iter_mut().zip(&self.words).zip(x).zip(y).zip(z) {
+                let facing = (z - slope[0] * x - slope[1] * y).max(0.0);
+                // all bits of the number or none: visibility is as good as random, a branch would not pay
+                let mask = ((word >> bit) as u32 & 1).wrapping_neg();
+                *area = f32::from_bits(facing.to_bits() & mask);
             }
         }
     }
@@ -389,11 +394,22 @@ impl CellScratch {
         let joint = &mut self.joint[..i + 1];
         joint.fill(0.0);
         let mut any = false;
-        for area in self.area.chunks_exact(n) {
-            let own = area[i];
-            if own > 0.0 {
-                any = true;
-                joint.iter_mut().zip(area).for_each(|(sum, a)| *sum += own * a);
+        for four in self.area.chunks(4 * n) {
+            let own: [f32; 4] = std::array::from_fn(|k| four.get(k * n + i).copied().unwrap_or(0.0));
+            if own == [0.0; 4] {
+                continue;
+            }
+            any = true;
+            if four.len() == 4 * n {
+                let (a, b) = four.split_at(2 * n);
+                let ((a, b), (c, d)) = (a.split_at(n), b.split_at(n));
+                for ((((sum, a), b), c), d) in joint.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+                    *sum += own[0] * a + own[1] * b + own[2] * c + own[3] * d;
+                }
+            } else {
+                for (area, own) in four.chunks_exact(n).zip(own) {
+                    joint.iter_mut().zip(area).for_each(|(sum, a)| *sum += own * a);
+                }
             }
         }
         any

@@ -1,7 +1,7 @@
 //! Coarse heights whose cells keep the mean slopes of the fine surface.
 //!
 //! With s̃ the mean slope of a coarse bilinear cell, s̃* that of the fine surface under it and Δ the Laplacian, the
-//! coarse heights minimise Σ_cells ‖s̃ − s̃*‖² + w Σ_vertices |Δh|² (design 4.2, [WU19] 4.9 and 4.10).
+//! coarse heights minimise Σ_cells ‖s̃ − s̃*‖² + w Σ_vertices |Δh|² (\[WU19\] 4.9 and 4.10).
 //!
 //! - *Units.* s̃ are true slopes: for cells `a × b` metres, s̃_u = ½(h10 + h11 − h00 − h01)/a and s̃_v =
 //!   ½(h01 + h11 − h00 − h10)/b (v runs down; a common sign does not matter here). Δ is taken in cell units, as the
@@ -32,6 +32,21 @@ const LAPLACIAN_WEIGHT: f64 = 0.01;
 pub fn coarse_cells(size: [usize; 2], factor: f32) -> [usize; 2] {
     debug_assert!(factor > 0.0, "factor is positive");
     size.map(|n| ((n as f64 / f64::from(factor)).round() as usize).max(1))
+}
+
+/// One axis of `fine` texels cut into `coarse` equal cells; the lines between them may cut through texels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cut {
+    pub(super) fine: usize,
+    pub(super) coarse: usize,
+}
+
+impl Cut {
+    /// Where cut `line` lies: whole texels and the fraction beyond, exact in integers.
+    pub(super) fn place(self, line: usize) -> (usize, f64) {
+        let scaled = line * self.fine;
+        (scaled / self.coarse, (scaled % self.coarse) as f64 / self.coarse as f64)
+    }
 }
 
 /// The height field `factor` times coarser whose cells have, as nearly as possible, the mean slopes of `fine`.

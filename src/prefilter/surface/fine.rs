@@ -90,9 +90,10 @@ pub fn fine_reflectance(
     directions: &TableDirections,
     on_stage: &mut dyn FnMut(&'static str),
 ) -> PatchReflectance {
-    on_stage("visibility");
+    on_stage("group");
     let mut grouping = group_texels(fine, patches);
     let slots = std::mem::take(&mut grouping.slots);
+    on_stage("visibility");
     let bits = VisibilityBits::sweep(&fine.heights, &directions.vectors, slots);
     on_stage("fine");
     let terms = terms(&fine.brdf, fine.color.is_some());

@@ -10,7 +10,10 @@ pub mod reflectance;
 pub mod visibility;
 
 use crate::geometry::HeightField;
-use crate::material::Brdf;
+use crate::material::{Brdf, ggx_gaussians};
+use coarse::{CoarseSurface, coarse_reflectance};
+use fit::{deconvolve, fit_scaling, full_table};
+use reflectance::{PatchReflectance, TableDirections};
 
 /// A fine surface: what is prefiltered.
 #[derive(Clone, Debug)]
@@ -70,10 +73,96 @@ pub struct CoarseLevel {
     pub angular: Vec<Vec<[f32; 3]>>,
     /// ε below 75° of the fit at the nodes of its own tables.
     pub on_node: f64,
-    /// CPU seconds of each stage, in order.
-    pub stage_seconds: Vec<(&'static str, f64)>,
     /// Warnings for the user, one line each.
     pub warnings: Vec<String>,
+}
+
+/// Compiles one level for direct light (shadowing and masking).
+///
+/// The stages, named to `on_stage` as they begin: `downsample`, `lobes`, `visibility`, `fine`, `coarse`, `fit`.
+pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn FnMut(&'static str)) -> CoarseLevel {
+    on_stage("downsample");
+    let heights = downsample::downsample(&fine.heights, settings.factor);
+    on_stage("lobes");
+    let cells = heights.size();
+    let lobes = lobes::fit_lobes(&fine.heights, cells, settings.lobes);
+    let base_color = fine.color.as_ref().map(|color| cell_colors(color, fine.heights.size(), cells));
+    let patches = cells.map(|cells| settings.patches.clamp(1, cells));
+    let directions = TableDirections::new(settings.directions);
+    let f_fine = fine::fine_reflectance(fine, patches, &directions, on_stage);
+    on_stage("coarse");
+    let gaussians = fine.brdf.specular.map_or_else(Vec::new, |conductor| ggx_gaussians(conductor.alpha));
+    let surface = CoarseSurface {
+        heights: &heights,
+        lobes: &lobes,
+        base_color: base_color.as_deref(),
+        brdf: &fine.brdf,
+        gaussians: &gaussians,
+    };
+    let f_coarse = coarse_reflectance(&surface, patches, &directions);
+    on_stage("fit");
+    let factors = fit_scaling(&f_fine, &f_coarse, &directions, settings.rank);
+    let spatial = factors.spatial.iter().map(|t| deconvolve(t, patches, heights.boundary())).collect();
+    let angular = factors.angular.iter().map(|s| full_table(s, directions.len())).collect();
+    let warnings = scaling_warning(&factors.angular, &f_fine, &directions).into_iter().collect();
+    CoarseLevel {
+        heights,
+        lobes,
+        base_color,
+        patches,
+        spatial,
+        directions: settings.directions,
+        angular,
+        on_node: factors.on_node,
+        warnings,
+    }
+}
+
+/// S above this where light matters means that f_c is far off: reported, not hidden.
+const LARGEST_SCALE: f32 = 64.0;
+
+/// A line for the user if S exceeds [`LARGEST_SCALE`] at a pair that reflects more than 1 % of the mean.
+fn scaling_warning(angular: &[Vec<[f32; 3]>], fine: &PatchReflectance, directions: &TableDirections) -> Option<String> {
+    let patches = fine.patch_count();
+    let mean = |k: usize| (0..patches).map(|p| fine.channel(p, 1)[k]).sum::<f32>() / patches as f32;
+    let overall = (0..fine.pair_count()).map(mean).sum::<f32>() / fine.pair_count() as f32;
+    let (k, largest) = (0..fine.pair_count())
+        .filter(|&k| mean(k) > 0.01 * overall)
+        .map(|k| (k, angular.iter().map(|s| s[k][1]).sum::<f32>()))
+        .max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let i = (0..directions.len()).rfind(|&i| reflectance::pair(i, 0) <= k).unwrap_or(0);
+    let [a, b] = [i, k - reflectance::pair(i, 0)].map(|d| directions.vectors[d][2].acos().to_degrees());
+    (largest > LARGEST_SCALE).then(|| {
+        format!("S is {largest:.0} at polar angles {a:.0}° and {b:.0}°; the lobes miss normals that reflect there")
+    })
+}
+
+/// Area-weighted mean colour of every cell; texels that straddle a border count in proportion.
+fn cell_colors(color: &[[f32; 3]], size: [usize; 2], cells: [usize; 2]) -> Vec<[f32; 3]> {
+    (0..cells[0] * cells[1])
+        .map(|cell| {
+            let at = [cell % cells[0], cell / cells[0]];
+            let spans = [0, 1].map(|axis| overlaps(at[axis], cells[axis], size[axis]));
+            let mut sum = [0.0_f64; 4];
+            for &(v, wv) in &spans[1] {
+                for &(u, wu) in &spans[0] {
+                    let texel = color[v * size[0] + u];
+                    (0..3).for_each(|k| sum[k] += wu * wv * f64::from(texel[k]));
+                    sum[3] += wu * wv;
+                }
+            }
+            [0, 1, 2].map(|k| (sum[k] / sum[3]) as f32)
+        })
+        .collect()
+}
+
+/// Texels that cell `at` of `cells` covers along an axis of `texels`, and the overlap of each.
+fn overlaps(at: usize, cells: usize, texels: usize) -> Vec<(usize, f64)> {
+    let bound = |k: usize| k as f64 * texels as f64 / cells as f64;
+    let (start, end) = (bound(at), bound(at + 1));
+    (start.floor() as usize..(end.ceil() as usize).min(texels))
+        .map(|texel| (texel, end.min(texel as f64 + 1.0) - start.max(texel as f64)))
+        .collect()
 }
 
 /// Patch (row-major index) of texel or cell `at` on a grid of `size`.

@@ -1,5 +1,6 @@
 //! Mean slopes of the fine surface over coarse cells, exact from the heights along the cells' edges.
 
+use super::Cut;
 use crate::geometry::{Boundary, HeightField};
 use rayon::prelude::*;
 
@@ -45,12 +46,6 @@ pub(super) fn real_cells(n: usize, boundary: Boundary) -> usize {
     }
 }
 
-/// One axis of `fine` texels cut into `coarse` equal cells.
-struct Cut {
-    fine: usize,
-    coarse: usize,
-}
-
 /// The mean of a piecewise linear function over one cell: Σ `weights[k]` · value at vertex `first` + k.
 struct EdgeMean {
     first: usize,
@@ -58,12 +53,6 @@ struct EdgeMean {
 }
 
 impl Cut {
-    /// Where cut `line` lies: whole texels and the fraction beyond, exact in integers.
-    fn place(&self, line: usize) -> (usize, f64) {
-        let scaled = line * self.fine;
-        (scaled / self.coarse, (scaled % self.coarse) as f64 / self.coarse as f64)
-    }
-
     /// Weights of the vertices in the mean over `cell`.
     ///
     /// Over a part [s0, s1] of a texel a linear function integrates to (s1 − s0) times its value in the middle.

@@ -189,7 +189,7 @@ fn factor_one_without_smoothing_gives_the_map_back_but_for_its_checkerboard() {
         for size in [[16, 12], [15, 9], [1, 16], [2, 2]] {
             let fine = rough(size, [1.0, 1.5], boundary);
             let same = downsample_to(&fine, size, 0.0);
-            let sign = |k: usize| if (k % size[0] + k / size[0]) % 2 == 0 { 1.0 } else { -1.0 };
+            let sign = |k: usize| if (k % size[0] + k / size[0]).is_multiple_of(2) { 1.0 } else { -1.0 };
             let lost: Vec<f32> = same.heights().iter().zip(fine.heights()).map(|(a, b)| a - b).collect();
             // The mean of the clamped surface does not weigh the checkerboard equally: a constant may remain.
             let [second, first] = [lost[1], lost[0]];

@@ -1,0 +1,196 @@
+"""Reads a farfield surface asset and evaluates it, written from formats/README.md alone (sections in brackets).
+
+    asset = load("lod/bark")
+    f = f_low(asset, asset["levels"][0], x, n_c, wi, wo)    # arrays (n, 2), (n, 3), (n, 3), (n, 3) -> (n, 3)
+
+Needs numpy and zstandard. Digests are not checked: BLAKE3 is not in Python's standard library.
+"""
+import json
+import pathlib
+import re
+import struct
+
+import numpy as np
+import zstandard
+
+
+def read_ktx2(data, single, columns, rows):
+    """Texels of a payload as (rows, columns, channels) in float64 [1.3]."""
+    if len(data) < 104 or data[:12] != bytes.fromhex("ab4b5458203230bb0d0a1a0a"):
+        raise ValueError("not a KTX2 file")
+    header = struct.unpack_from("<9I", data, 12)
+    wanted = (100 if single else 97, 4 if single else 2, columns, rows, 0, 0, 1, 1, 2)
+    if header != wanted:
+        raise ValueError(f"wanted the header {wanted}, found {header}")
+    offset, length, plain_length = struct.unpack_from("<3Q", data, 80)
+    if plain_length != columns * rows * (4 if single else 8) or offset + length > len(data):
+        raise ValueError("level data of another length")
+    frame = zstandard.ZstdDecompressor(max_window_size=1 << 24).decompressobj()
+    plain = frame.decompress(data[offset:offset + length])
+    if len(plain) != plain_length or frame.unused_data:
+        raise ValueError("frame of another length")
+    texels = np.frombuffer(plain, "<f4" if single else "<f2").astype(np.float64)
+    return texels.reshape(rows, columns, 1 if single else 4)
+
+
+def load(folder):
+    """asset.json with the arrays of its payloads beside the keys of each level [1]."""
+    folder = pathlib.Path(folder)
+    asset = json.loads((folder / "asset.json").read_bytes())
+    if (asset["format"], asset["version"], asset["kind"]) != ("farfield", 1, "surface"):
+        raise ValueError("not a farfield surface of version 1")
+    for level in asset["levels"]:
+        tables = {}
+        pairs = [level["N"] ** 2] * 2
+        for file in level["files"]:
+            role, path = file["role"], file["path"]
+            if len(path) > 200 or not re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9._-]*\.ktx2", path):
+                raise ValueError(f"not a plain file name: {path!r}")
+            size = level["M"] if role.startswith("spatial") else pairs if role.startswith("angular") else level["cells"]
+            tables[role] = read_ktx2((folder / path).read_bytes(), role == "heights", *size)
+        cells = level["cells"][0] * level["cells"][1]
+        level["heights"] = tables["heights"][:, :, 0]
+        lobes = np.stack([tables[f"lobe{j}"].reshape(cells, 4) for j in range(level["lobes"])], axis=1)
+        level["mean"] = octahedral(lobes[..., :2])  # (cell, lobe, 3)
+        level["kappa"], level["weight"] = np.expm1(lobes[..., 2]), lobes[..., 3]
+        level["color"] = tables["base_color"][..., :3].reshape(cells, 3) if "base_color" in tables else np.ones((cells, 3))
+        level["T"] = [tables[f"spatial{r}"][..., :3] for r in range(level["rank"])]
+        level["S"] = [tables[f"angular{r}"][..., :3] for r in range(level["rank"])]
+    return asset
+
+
+def octahedral(pq):
+    """Unit directions of octahedral coordinates [3]."""
+    p, q = pq[..., 0], pq[..., 1]
+    z = 1 - abs(p) - abs(q)
+    x = np.where(z < 0, np.copysign(1 - abs(q), p), p)
+    y = np.where(z < 0, np.copysign(1 - abs(p), q), q)
+    v = np.stack([x, y, z], axis=-1)
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def square_of(w):
+    """Point of the direction square [2]."""
+    x, y, z = w[:, 0], w[:, 1], w[:, 2]
+    r = np.where(z > 0, np.sqrt((x * x + y * y) / (1 + np.maximum(z, 0))), 1.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        along_x, along_y = np.copysign(r, x), np.copysign(r, y)
+        a = np.where(abs(x) > abs(y), along_x, along_y * 4 / np.pi * np.arctan(x / y))
+        b = np.where(abs(x) > abs(y), along_x * 4 / np.pi * np.arctan(y / x), along_y)
+    pole = (x == 0) & (y == 0)
+    return np.where(pole, 0.5, (1 + a) / 2), np.where(pole, 0.5, (1 + b) / 2)
+
+
+def taps(c, n, repeat):
+    """Two (index, weight) pairs of a linear lookup [4]."""
+    g = (c - np.floor(c)) * n - 0.5 if repeat else np.clip(c * n - 0.5, 0, n - 1)
+    k = np.floor(g).astype(int)
+    border = (lambda i: i % n) if repeat else (lambda i: np.minimum(i, n - 1))
+    return [(border(k), 1 - (g - k)), (border(k + 1), g - k)]
+
+
+def bilinear(columns, rows):
+    """Four (row, column, weight) of a table from the taps of both axes."""
+    return [(j, i, a * b) for j, b in rows for i, a in columns]
+
+
+def scaling(asset, level, x, wi, wo):
+    """Σ T·S [4]."""
+    mx, my = level["M"]
+    n, repeat = level["N"], asset["boundary"] == "repeat"
+    place = bilinear(taps(x[:, 0], mx, repeat), taps(x[:, 1], my, repeat))
+    pair = [[(j * n + i, a) for j, i, a in bilinear(taps(s, n, False), taps(t, n, False))]
+            for s, t in (square_of(wi), square_of(wo))]
+    total = 0
+    for T, S in zip(level["T"], level["S"]):
+        t = sum(a[:, None] * T[j, i] for j, i, a in place)
+        s = sum((a * b)[:, None] * S[o, i] for o, b in pair[1] for i, a in pair[0])
+        total = total + t * s
+    return total
+
+
+def cell_at(level, x):
+    """Column and row of the cell, and the fraction of it [4]."""
+    size = np.array(level["cells"])
+    cell = np.minimum(np.floor(x * size).astype(int), size - 1)
+    return cell, x * size - cell
+
+
+def normal_at(asset, level, x):
+    """n_c of the coarse heights [4]."""
+    size = np.array(level["cells"])
+    (i, j), (s, t) = (a.T for a in cell_at(level, x))
+    i1, j1 = ((i + 1) % size[0], (j + 1) % size[1]) if asset["boundary"] == "repeat" else \
+             (np.minimum(i + 1, size[0] - 1), np.minimum(j + 1, size[1] - 1))
+    h = level["heights"]
+    h00, h10, h01, h11 = h[j, i], h[j, i1], h[j1, i], h[j1, i1]
+    spacing = np.array(asset["size"]) / size
+    dx = ((h10 - h00) * (1 - t) + (h11 - h01) * t) / spacing[0]
+    dv = ((h01 - h00) * (1 - s) + (h11 - h10) * s) / spacing[1]
+    n = np.stack([-dx, dv, np.ones_like(dx)], axis=1)
+    return n / np.linalg.norm(n, axis=1, keepdims=True)
+
+
+def f_c(bsdf, mean, kappa, weight, color, n_c, wi, wo):
+    """BRDF of one cell a point; mean (n, lobe, 3), kappa and weight (n, lobe) [5]."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        e = np.exp(-2 * kappa)
+        wide = kappa < 0.03
+        r = np.where(wide, kappa / 3 - kappa**3 / 45, (1 + e) / (1 - e) - 1 / kappa)
+        A = np.where(wide, 1 / 3 - kappa**2 / 45, r / kappa)
+        B = np.where(wide, 1 / 3 - kappa**2 / 15, 1 / kappa**2 - 4 * e / (1 - e) ** 2)
+        C = np.where(kappa < 1e-6, 0.5, kappa / (1 - e))
+    W = 1 + 0.0854 / np.sqrt(1 + (0.678 * kappa) ** 2)
+    dot = lambda a, b: (a * b).sum(axis=-1)
+
+    def facing(w):
+        c = dot(mean, w[:, None])
+        m, s = r * c, np.sqrt(A * np.maximum(1 - c * c, 0) + B * c * c)
+        z = np.minimum(abs(m / np.maximum(s, 1e-9)), 13)
+        phi = 0.3989423 * np.exp(-z * z / 2)
+        t = W * phi * (1 + 0.4126071 * z + 0.07928679 * z**2) / (
+            1 + 1.6654489 * z + 1.1699745 * z**2 + 0.41832913 * z**3 + 0.07909453 * z**4)
+        q = phi * (1.2533141 + 0.44077361 * z + 0.07700919 * z**2) / (
+            1 + 1.9477498 * z + 1.6669497 * z**2 + 0.8114917 * z**3 + 0.2237087 * z**4 + 0.03840724 * z**5)
+        V = np.where(m >= 0, 1 - q - t * (2 * z + t), q - t * t)
+        return c, np.maximum(m, 0) + s * t, np.sqrt(np.maximum(V, 0))
+
+    (ci, pi, si), (co, po, so) = facing(wi), facing(wo)
+    independent = pi * po
+    K = (A * (dot(wi, wo)[:, None] - ci * co) + B * ci * co) * si * so
+    k = np.minimum(K / np.maximum(independent, 1e-20), 0)
+    cosines = np.where(K >= 0, independent + K, independent / (1 - k + 0.75 * k * k))
+    N = np.asarray(bsdf["diffuse"]) * color / np.pi * dot(weight, cosines)[:, None]
+
+    if bsdf["specular"]:
+        alpha, length = bsdf["specular"]["alpha"], np.linalg.norm(wi + wo, axis=1, keepdims=True)
+        h = ((wi + wo) / np.maximum(length, 1e-9))[:, None]
+        u = ((h - mean) ** 2).sum(axis=-1) / 2
+        peak = lambda lam: np.maximum(np.sqrt(np.maximum((kappa + lam) ** 2 - 2 * lam * kappa * u, 0)), 1e-4)
+        total = 0
+        for lam, amplitude in bsdf["specular"]["gaussians"]:
+            k = peak(lam)
+            E = np.exp(np.maximum(-2 * lam * kappa * u / np.maximum(k + kappa + lam, 1e-9), -87))
+            total = total + amplitude * E * (1 - np.exp(-2 * k)) / k
+        lam = 2 / alpha**2
+        k = peak(lam)
+        m = (lam * h + kappa[..., None] * mean) / k[..., None]
+        soft = 0.63662 / (k + 2.5465)
+        cosine = lambda d: np.clip((d + np.sqrt(d * d + soft)) / 2, 0, 1)
+        Ci, Co = cosine(dot(m, wi[:, None])), cosine(dot(m, wo[:, None]))
+        Ri, Ro = (np.sqrt(alpha**2 + (1 - alpha**2) * c * c) for c in (Ci, Co))
+        G = 2 * Ci * Co / np.maximum(Ci * Ro + Co * Ri, 1e-12)
+        F0, F5 = np.asarray(bsdf["specular"]["f0"]) * color, np.clip(1 - length / 2, 0, 1) ** 5
+        N = N + (F0 + (1 - F0) * F5) * dot(weight, C * G * total / 4)[:, None]
+
+    Pi, Po = dot(weight, pi), dot(weight, po)
+    seen = (Pi >= 1e-6) & (Po >= 1e-6) & (wi[:, 2] > 0) & (wo[:, 2] > 0) & (n_c[:, 2] > 0)
+    return N * np.where(seen, 1 / np.where(seen, n_c[:, 2] * Pi * Po, 1), 0)[:, None]
+
+
+def f_low(asset, level, x, n_c, wi, wo):
+    """The BRDF that a level stands for, 1/sr, without a cosine [4]."""
+    cell, _ = cell_at(level, x)
+    index = cell[:, 1] * level["cells"][0] + cell[:, 0]
+    lobes = (level[key][index] for key in ("mean", "kappa", "weight", "color"))
+    return scaling(asset, level, x, wi, wo) * f_c(asset["bsdf"], *lobes, n_c, wi, wo)
