@@ -25,7 +25,6 @@ pub(super) fn compile(
         directions: settings.directions,
         angular: vec![vec![[1.0; 3]; pairs]; settings.rank],
         on_node: 0.0,
-        stage_seconds: Vec::new(),
         warnings: Vec::new(),
     }
 }
