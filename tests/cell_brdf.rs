@@ -20,7 +20,8 @@ fn wide(v: [f32; 3]) -> [f64; 3] {
 /// Any orthonormal frame around `z`.
 fn frame(z: [f64; 3]) -> [[f64; 3]; 3] {
     let a = if z[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
-    let cross = |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let cross =
+        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let x = cross(a, z);
     let length = dot(x, x).sqrt();
     let x = x.map(|v| v / length);

@@ -153,13 +153,7 @@ impl LobeKernel {
         // max(0): rounding, where both terms are near 1 or both near 0
         let excess = (variance - fraction * fraction).max(0.0).sqrt();
         let positive = m.max(0.0);
-        Facing {
-            cos_mean: c,
-            mean: positive + self.widen * s * t,
-            normal_mean: positive + s * t,
-            fraction,
-            excess,
-        }
+        Facing { cos_mean: c, mean: positive + self.widen * s * t, normal_mean: positive + s * t, fraction, excess }
     }
 
     /// Standard deviation of n·ω for μ·ω = `c`.

@@ -132,8 +132,9 @@ fn scaling_warning(angular: &[Vec<[f32; 3]>], fine: &PatchReflectance, direction
         .max_by(|a, b| a.1.total_cmp(&b.1))?;
     let i = (0..directions.len()).rfind(|&i| reflectance::pair(i, 0) <= k).unwrap_or(0);
     let [a, b] = [i, k - reflectance::pair(i, 0)].map(|d| directions.vectors[d][2].acos().to_degrees());
-    (largest > LARGEST_SCALE)
-        .then(|| format!("S is {largest:.0} at polar angles {a:.0}° and {b:.0}°; the lobes miss normals that reflect there"))
+    (largest > LARGEST_SCALE).then(|| {
+        format!("S is {largest:.0} at polar angles {a:.0}° and {b:.0}°; the lobes miss normals that reflect there")
+    })
 }
 
 /// Area-weighted mean colour of every cell; texels that straddle a border count in proportion.

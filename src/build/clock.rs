@@ -1,0 +1,61 @@
+//! What a stage costs: CPU seconds of the whole process, and the most memory that it held.
+
+/// CPU seconds (user and system, all threads) of this process so far; 0 where the system does not tell.
+#[cfg(unix)]
+pub(super) fn cpu_seconds() -> f64 {
+    use nix::sys::resource::{UsageWho, getrusage};
+    use nix::sys::time::TimeValLike;
+    getrusage(UsageWho::RUSAGE_SELF)
+        .map_or(0.0, |usage| (usage.user_time() + usage.system_time()).num_microseconds() as f64 * 1e-6)
+}
+
+/// CPU seconds of this process; not told by this system.
+#[cfg(not(unix))]
+pub(super) fn cpu_seconds() -> f64 {
+    0.0
+}
+
+/// The most bytes that this process has held in memory so far; 0 where the system does not tell.
+#[cfg(unix)]
+pub(super) fn peak_bytes() -> u64 {
+    use nix::sys::resource::{UsageWho, getrusage};
+    // Linux and the BSDs count in KiB, macOS in bytes.
+    let unit = if cfg!(target_vendor = "apple") { 1 } else { 1024 };
+    getrusage(UsageWho::RUSAGE_SELF).map_or(0, |usage| u64::try_from(usage.max_rss()).unwrap_or(0) * unit)
+}
+
+/// The most bytes that this process has held; not told by this system.
+#[cfg(not(unix))]
+pub(super) fn peak_bytes() -> u64 {
+    0
+}
+
+/// CPU seconds by stage, in the order in which stages began; a stage that begins twice is one.
+#[derive(Clone, Debug, Default)]
+pub(super) struct StageClock {
+    stages: Vec<(&'static str, f64)>,
+    running: Option<(&'static str, f64)>,
+}
+
+impl StageClock {
+    /// Ends the running stage and begins `stage`.
+    pub(super) fn begin(&mut self, stage: &'static str) {
+        self.end();
+        self.running = Some((stage, cpu_seconds()));
+    }
+
+    /// Ends the running stage.
+    pub(super) fn end(&mut self) {
+        let Some((stage, start)) = self.running.take() else { return };
+        let seconds = cpu_seconds() - start;
+        match self.stages.iter_mut().find(|(name, _)| *name == stage) {
+            Some((_, sum)) => *sum += seconds,
+            None => self.stages.push((stage, seconds)),
+        }
+    }
+
+    /// The stages so far.
+    pub(super) fn stages(&self) -> &[(&'static str, f64)] {
+        &self.stages
+    }
+}

@@ -1,0 +1,96 @@
+//! What a command line asks for: the surfaces of a manifest that are to be built.
+
+use std::path::{Path, PathBuf};
+
+use super::manifest::{Manifest, closest};
+use super::{Mistake, SurfaceSpec};
+use crate::io::SourceFile;
+
+/// The longest manifest that is read.
+const MAX_MANIFEST_BYTES: usize = 16 << 20;
+
+/// Surfaces to build and the folder that their paths are relative to.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The chosen surfaces, by name.
+    pub surfaces: Vec<SurfaceSpec>,
+    /// The manifest's folder.
+    pub folder: PathBuf,
+}
+
+/// Why a request makes no sense.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// The manifest cannot be read.
+    Unreadable(String),
+    /// The manifest has mistakes.
+    Mistakes {
+        /// The manifest.
+        file: String,
+        /// All of them, in order of place.
+        mistakes: Vec<Mistake>,
+    },
+    /// A name that the manifest does not have.
+    UnknownNames(Vec<String>),
+}
+
+impl PlanError {
+    /// One line a mistake.
+    pub fn lines(&self) -> Vec<String> {
+        match self {
+            Self::Unreadable(line) => vec![line.clone()],
+            Self::Mistakes { file, mistakes } => mistakes.iter().map(|mistake| format!("{file}:{mistake}")).collect(),
+            Self::UnknownNames(lines) => lines.clone(),
+        }
+    }
+}
+
+impl Plan {
+    /// The surfaces `names` of the manifest at `path`; all of them where `names` is empty.
+    pub fn read(path: &Path, names: &[String]) -> Result<Self, PlanError> {
+        let file = SourceFile::read(path).map_err(|error| {
+            let hint = if path.exists() { "" } else { "; `farfield init` makes one, `-m FILE` names another" };
+            PlanError::Unreadable(format!("{error}{hint}"))
+        })?;
+        if file.bytes().len() > MAX_MANIFEST_BYTES {
+            let found = file.bytes().len();
+            let line = format!("`{}`: has {found} bytes; wanted a manifest of at most 16 MiB", file.name());
+            return Err(PlanError::Unreadable(line));
+        }
+        let text = std::str::from_utf8(file.bytes()).map_err(|error| {
+            let line = format!("`{}`: byte {} is not UTF-8; wanted a text file", file.name(), error.valid_up_to());
+            PlanError::Unreadable(line)
+        })?;
+        let manifest =
+            Manifest::parse(text).map_err(|mistakes| PlanError::Mistakes { file: file.name().into(), mistakes })?;
+        let surfaces = choose(manifest.surfaces, names, file.name())?;
+        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        Ok(Self { surfaces, folder })
+    }
+
+    /// The plan with another target for every surface.
+    pub fn with_error(mut self, error: f64) -> Self {
+        self.surfaces.iter_mut().for_each(|surface| surface.error = error);
+        self
+    }
+}
+
+/// The surfaces with these names; all, if there are no names.
+fn choose(surfaces: Vec<SurfaceSpec>, names: &[String], file: &str) -> Result<Vec<SurfaceSpec>, PlanError> {
+    if names.is_empty() {
+        return Ok(surfaces);
+    }
+    let known: Vec<&str> = surfaces.iter().map(|surface| surface.name.as_str()).collect();
+    let unknown = names.iter().filter(|name| !known.contains(&name.as_str()));
+    let lines: Vec<String> = unknown
+        .map(|name| match closest(name, &known) {
+            Some(near) => format!("`{file}` has no surface `{name}`; did you mean `{near}`?"),
+            None => format!("`{file}` has no surface `{name}`; it has `{}`", known.join("`, `")),
+        })
+        .collect();
+    if !lines.is_empty() {
+        return Err(PlanError::UnknownNames(lines));
+    }
+    Ok(surfaces.into_iter().filter(|surface| names.contains(&surface.name)).collect())
+}

@@ -1,0 +1,34 @@
+//! What a build would do.
+
+use std::path::Path;
+
+use serde_json::json;
+
+use crate::build::SurfaceSpec;
+
+/// The levels that would be built of a surface, one a line.
+pub fn planned(surface: &SurfaceSpec, out: &Path, as_json: bool) -> String {
+    let asset = out.join(&surface.name).join(formats::asset::DOCUMENT);
+    let asset = asset.display();
+    let name = &surface.name;
+    let mut text = String::new();
+    for (i, level) in surface.levels.iter().enumerate() {
+        let index = i + 1;
+        let [m, n, rank] = [level.patches, level.directions, level.rank];
+        text += &if as_json {
+            let line = json!({
+                "name": name, "level": index, "factor": level.factor, "M": m, "N": n, "rank": rank,
+                "lobes": level.lobes, "height": surface.height, "asset": asset.to_string(),
+            });
+            format!("{line}\n")
+        } else {
+            let lobes = level.lobes.map_or("auto".into(), |lobes| lobes.to_string());
+            let factor = level.factor;
+            format!(
+                "{name} level {index}: factor {factor}, {lobes} lobes, M {m}, N {n}, rank {rank}: {} -> {asset}\n",
+                surface.height
+            )
+        };
+    }
+    text
+}
