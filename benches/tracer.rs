@@ -46,7 +46,11 @@ fn report(name: &str, rays: u64, trace: impl Fn(u64) -> bool) {
     let start = core_seconds();
     let found = (0..rays).filter(|&k| trace(k)).count();
     let seconds = core_seconds() - start;
-    println!("tracer/{name}: {:.3} million rays a core-second, {:.1} % found", rays as f64 / seconds / 1e6, 100.0 * found as f64 / rays as f64);
+    println!(
+        "tracer/{name}: {:.3} million rays a core-second, {:.1} % found",
+        rays as f64 / seconds / 1e6,
+        100.0 * found as f64 / rays as f64
+    );
 }
 
 /// Marches along the ray a tenth of a texel at a time: what a shader does, neither exact nor bounded in error.
@@ -74,7 +78,11 @@ fn main() {
     let field = twill();
     let start = core_seconds();
     let tracer = HeightTracer::new(&field);
-    println!("tracer/build/1024²: {:.4} s, {:.1} bytes a texel beside the heights", core_seconds() - start, tracer.bytes() as f64 / 1048576.0);
+    println!(
+        "tracer/build/1024²: {:.4} s, {:.1} bytes a texel beside the heights",
+        core_seconds() - start,
+        tracer.bytes() as f64 / 1048576.0
+    );
     let high = field.range()[1];
     let rng = Stream::new(1, 0);
     let points: Vec<_> = (0..RAYS).map(|k| point(rng, k, &field)).collect();
@@ -82,18 +90,24 @@ fn main() {
     in_order.sort_by_key(|p| (p.cell[1] / 8, p.cell[0] / 8));
     let point = |k: u64| points[k as usize];
     let towards = Stream::new(1, 1);
-    for (name, cosines) in [
-        ("shadow, uniform", [0.0, 1.0]),
-        ("shadow, below 75°", [0.2588, 1.0]),
-        ("shadow, above 75°", [0.0, 0.2588]),
-    ] {
+    for (name, cosines) in
+        [("shadow, uniform", [0.0, 1.0]), ("shadow, below 75°", [0.2588, 1.0]), ("shadow, above 75°", [0.0, 0.2588])]
+    {
         let directions: Vec<_> = (0..RAYS).map(|k| direction(towards, k, cosines)).collect();
         report(name, RAYS, |k| tracer.occluded(point(k), directions[k as usize]));
-        report(&format!("{name}, points in order"), RAYS, |k| tracer.occluded(in_order[k as usize], directions[k as usize]));
+        report(&format!("{name}, points in order"), RAYS, |k| {
+            tracer.occluded(in_order[k as usize], directions[k as usize])
+        });
         let facing: Vec<_> = (0..RAYS).filter(|&k| tracer.normal(point(k)).dot(directions[k as usize]) > 0.0).collect();
-        report(&format!("{name}, front-facing"), facing.len() as u64, |k| tracer.occluded(point(facing[k as usize]), directions[facing[k as usize] as usize]));
-        report(&format!("{name}, first hit from the surface"), facing.len() as u64, |k| tracer.intersect_from(point(facing[k as usize]), directions[facing[k as usize] as usize]).is_some());
-        report(&format!("{name}, marched by 0.1 texel"), RAYS / 64, |k| marched(high, &tracer, point(k), directions[k as usize]));
+        report(&format!("{name}, front-facing"), facing.len() as u64, |k| {
+            tracer.occluded(point(facing[k as usize]), directions[facing[k as usize] as usize])
+        });
+        report(&format!("{name}, first hit from the surface"), facing.len() as u64, |k| {
+            tracer.intersect_from(point(facing[k as usize]), directions[facing[k as usize] as usize]).is_some()
+        });
+        report(&format!("{name}, marched by 0.1 texel"), RAYS / 64, |k| {
+            marched(high, &tracer, point(k), directions[k as usize])
+        });
         report(&format!("{name}, from far"), RAYS, |k| {
             let d = -directions[k as usize];
             let origin = tracer.position(point(k)) - d.as_dvec3() * 500.0 + DVec3::Z * 0.01;

@@ -50,7 +50,11 @@ fn gaps(field: &HeightField, start: [f64; 3], dir: [f64; 3], first: [i64; 2]) ->
     let size = field.size().map(|n| n as i64);
     let [low, high] = field.range().map(f64::from);
     let exit = if dir[2] > 0.0 { (high - start[2]) / dir[2] } else { (low - start[2]) / dir[2] };
-    let t_end = if dir[2] == 0.0 { 100.0 / dir[0].abs().max(dir[1].abs()) } else { exit + 0.01 / dir.map(f64::abs).iter().sum::<f64>() };
+    let t_end = if dir[2] == 0.0 {
+        100.0 / dir[0].abs().max(dir[1].abs())
+    } else {
+        exit + 0.01 / dir.map(f64::abs).iter().sum::<f64>()
+    };
     let mut all = Vec::new();
     let reach = |axis: usize, t: [f64; 2]| {
         let ends = t.map(|t| (start[axis] + dir[axis] * t).floor() as i64);
@@ -218,7 +222,11 @@ fn first_hits_equal_the_loop_over_all_cells() {
                     let error = (hit.t - t).abs();
                     assert!(error < 2e-5 * size.max(t), "{name}, ray {k}: t {} is {t}", hit.t);
                     let along = origin + direction.as_dvec3() * hit.t;
-                    assert!((along - hit.position).length() < 2e-5 * (size + high.abs()), "{name}: {along} {}", hit.position);
+                    assert!(
+                        (along - hit.position).length() < 2e-5 * (size + high.abs()),
+                        "{name}: {along} {}",
+                        hit.position
+                    );
                     assert!((hit.normal.length() - 1.0).abs() < 1e-5 && hit.normal.z > 0.0);
                 }
                 (None, None) => {}
@@ -286,7 +294,9 @@ fn rays_that_never_end_are_stopped() {
         let rng = Stream::new(6, 0);
         for k in 0..20 {
             let point = surface_point(rng, k, &field);
-            for direction in [Vec3::X, Vec3::Y, -Vec3::X, -Vec3::Y, Vec3::new(0.6, 0.8, 0.0), Vec3::new(0.6, 0.8, 1e-9), -Vec3::Z] {
+            for direction in
+                [Vec3::X, Vec3::Y, -Vec3::X, -Vec3::Y, Vec3::new(0.6, 0.8, 0.0), Vec3::new(0.6, 0.8, 1e-9), -Vec3::Z]
+            {
                 let _ = tracer.occluded(point, direction);
                 let origin = tracer.position(point) + DVec3::Z * 1e-3;
                 let _ = tracer.intersect(&Ray { origin, direction });

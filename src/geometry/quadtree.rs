@@ -9,8 +9,8 @@ use std::hint::black_box;
 
 use glam::{BVec4A, Vec4};
 
-use super::{Boundary, HeightField};
 use super::patch::{CellRay, Patch};
+use super::{Boundary, HeightField};
 
 /// Bounds of a node's four children: (0, 0), (1, 0), (0, 1), (1, 1), first index along u; in codes.
 ///
@@ -217,9 +217,7 @@ impl<'a> Quadtree<'a> {
             let spans = ray.spans(corner, (1u32 << (level - 1)) as f32);
             if level > 1 {
                 let (meets, below) = spans.test(self.node(level, x, y).bounds());
-                if below
-                    && let Some(found) = buried()
-                {
+                if below && let Some(found) = buried() {
                     return Some(found);
                 }
                 for k in (0..4).rev() {
@@ -231,9 +229,7 @@ impl<'a> Quadtree<'a> {
             }
             let quad = self.quad(x, y);
             let (meets, below) = spans.test([quad.low - CODE_PADDING, quad.high + CODE_PADDING]);
-            if below
-                && let Some(found) = buried()
-            {
+            if below && let Some(found) = buried() {
                 return Some(found);
             }
             for k in (0..4).map(|k| k ^ ray.flip) {
@@ -263,7 +259,8 @@ impl<'a> Quadtree<'a> {
     fn quad(&self, x: u32, y: u32) -> Quad {
         let size = self.heights.size();
         let first = [2 * x as usize, 2 * y as usize];
-        let index = |k: usize, axis: usize| if first[axis] + k < size[axis] { first[axis] + k } else { self.beyond[axis] };
+        let index =
+            |k: usize, axis: usize| if first[axis] + k < size[axis] { first[axis] + k } else { self.beyond[axis] };
         let column = [0, 1, 2].map(|k| index(k, 0));
         let heights = self.heights.heights();
         let rows = [0, 1, 2].map(|k| {

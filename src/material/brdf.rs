@@ -62,14 +62,11 @@ impl Conductor {
     }
 
     /// Schlick's F = F0 + (1 − F0)(1 − cosθ)⁵ at the angle between `wi` and the half vector, RGB.
-    ///
-    /// A black conductor (F0 = 0) reflects nothing at grazing angles either: below F0 = 0.02, which no material has,
-    /// the reflectance at 90° falls in proportion, so that a colour factor of 0 switches the lobe off.
     pub fn fresnel(&self, cos_theta: f32) -> [f32; 3] {
         // Rounding of two unit vectors' dot product may leave [0, 1].
         let m = 1.0 - cos_theta.clamp(0.0, 1.0);
         let weight = (m * m) * (m * m) * m;
-        self.f0.map(|f0| f0 + ((f0 / DIELECTRIC_F0).min(1.0) - f0) * weight)
+        self.f0.map(|f0| f0 + (1.0 - f0) * weight)
     }
 
     /// GGX density of micro-normals in the direction `half`, 1/sr: α²/(π ((n·h)²(α² − 1) + 1)²).
@@ -96,9 +93,6 @@ impl Conductor {
         0.5 / (cos_o * root(cos_i) + cos_i * root(cos_o))
     }
 }
-
-/// Reflectance at normal incidence under which Schlick's grazing reflectance fades: n = 1.33, water, has 0.02.
-const DIELECTRIC_F0: f32 = 0.02;
 
 /// The unit half vector of two unit directions; +z for opposite ones, where every conductor value is 0 anyway.
 fn half_vector(wi: Vec3, wo: Vec3) -> Vec3 {
@@ -183,7 +177,7 @@ mod tests {
 
     #[test]
     fn a_white_conductor_reflects_no_more_than_it_receives() {
-        for alpha in [0.1, 0.3, 0.7, 1.0] {
+        for alpha in [0.02, 0.1, 0.3, 0.7, 1.0] {
             let conductor = Conductor { alpha, f0: [1.0; 3] };
             for cos in [0.1f32, 0.5, 0.9, 1.0] {
                 let wi = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
@@ -193,7 +187,8 @@ mod tests {
                     f64::from(conductor.eval_scalar(Vec3::Z, wi, wo) * wo.z * 4.0 * h.dot(wi).max(0.0))
                 });
                 assert!(albedo < 1.0 + 1e-3, "α = {alpha}, cos = {cos}: {albedo}");
-                assert!(albedo > if alpha < 0.2 && cos > 0.4 { 0.97 } else { 0.4 }, "α = {alpha}, cos = {cos}: {albedo}");
+                // A mirror loses nothing: shadowing takes its share of order α² away from grazing angles.
+                assert!(alpha > 0.02 || cos < 0.5 || albedo > 0.995, "α = {alpha}, cos = {cos}: {albedo}");
             }
         }
     }
@@ -215,7 +210,6 @@ mod tests {
         let conductor = Conductor { alpha: 0.3, f0: [0.04, 0.5, 1.0] };
         assert_eq!(conductor.fresnel(1.0), [0.04, 0.5, 1.0]);
         assert_eq!(conductor.fresnel(0.0), [1.0; 3]);
-        assert_eq!(Conductor { alpha: 0.3, f0: [0.0; 3] }.fresnel(0.2), [0.0; 3]);
     }
 
     #[test]
