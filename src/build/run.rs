@@ -8,10 +8,11 @@ use formats::asset::{DOCUMENT, SurfaceAsset, SurfaceLevel};
 use super::clock::{StageClock, peak_bytes};
 use super::encode::{self, surface_asset, surface_level};
 use super::level_error::{Reference, measure};
-use super::provisional::compile;
+
 use super::record::{self, LevelRecord, StageSeconds};
 use super::{Input, Plan, SurfaceSpec, input};
 use crate::io::publish::Publisher;
+use crate::prefilter::surface::compile;
 
 /// What happens during a build, for whoever watches.
 #[derive(Clone, Copy, Debug)]
@@ -152,7 +153,7 @@ fn build_level(
     };
     let error = measure(&reference, &decoded.levels[0]);
     clock.end();
-    let missed = error.map(|error| error.below_75.value).filter(|value| *value > spec.error);
+    let missed = Some(error.below_75.value).filter(|value| *value > spec.error);
     let limited_by = missed.map(|_| "model".to_string());
     if let Some(value) = missed {
         let [value, target] = [value, spec.error].map(|e| e * 100.0);
@@ -163,7 +164,12 @@ fn build_level(
         on_event(Event::Warning { name, text: &format!("level {index}: {text}") });
     }
     let [level] = <[SurfaceLevel; 1]>::try_from(asset.levels).map_err(|_| "one level went in".to_string())?;
-    Ok(Built { level: SurfaceLevel { error, limited_by, ..level }, on_node, clock, peak_bytes: peak_bytes() })
+    Ok(Built {
+        level: SurfaceLevel { error: Some(error), limited_by, ..level },
+        on_node,
+        clock,
+        peak_bytes: peak_bytes(),
+    })
 }
 
 /// The asset as its reader sees it.
