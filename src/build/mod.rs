@@ -11,7 +11,6 @@ mod input;
 pub mod level_error;
 pub mod manifest;
 mod plan;
-mod provisional;
 pub mod record;
 mod run;
 

@@ -8,10 +8,10 @@ use formats::asset::{DOCUMENT, SurfaceAsset, SurfaceLevel};
 use super::clock::{StageClock, peak_bytes};
 use super::encode::{self, surface_asset, surface_level};
 use super::level_error::{Reference, measure};
-use super::provisional::compile;
 use super::record::{self, LevelRecord, StageSeconds};
 use super::{Input, Plan, SurfaceSpec, input};
 use crate::io::publish::Publisher;
+use crate::prefilter::surface::compile;
 
 /// What happens during a build, for whoever watches.
 #[derive(Clone, Copy, Debug)]
