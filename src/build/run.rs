@@ -8,7 +8,6 @@ use formats::asset::{DOCUMENT, SurfaceAsset, SurfaceLevel};
 use super::clock::{StageClock, peak_bytes};
 use super::encode::{self, surface_asset, surface_level};
 use super::level_error::{Reference, measure};
-
 use super::record::{self, LevelRecord, StageSeconds};
 use super::{Input, Plan, SurfaceSpec, input};
 use crate::io::publish::Publisher;

@@ -70,6 +70,7 @@ impl Progress {
             Verbosity::Quiet => {}
             Verbosity::Normal if level == 0 || !new_level => {}
             Verbosity::Normal => eprintln!("{name}: level {level} of {levels}"),
+            Verbosity::Stages if level == 0 => eprintln!("{name}: {stage}"),
             Verbosity::Stages => eprintln!("{name}: level {level} of {levels}: {stage}"),
         }
     }
