@@ -129,7 +129,7 @@ fn formats_imports_nothing_of_the_compiler() {
         dependencies.difference(&allowed).map(|name| format!("formats depends on `{name}`")).collect();
     expect_none(&unlisted);
     let of_the_compiler: BTreeSet<String> = ["farfield", "glam", "rayon"].map(String::from).into();
-    let faults = sources("formats/src").iter().flat_map(|source| {
+    let faults = sources("formats/src").into_iter().flat_map(|source| {
         let file = source.file.display().to_string();
         source
             .paths(&of_the_compiler)
