@@ -92,7 +92,7 @@ fn rooms_import_downward_only() {
     let dependencies = dependencies("Cargo.toml");
     let rooms = || HOUSE.iter().chain([&CLI]);
     let mut faults = Vec::new();
-    for source in sources("src").iter().filter(|source| source.module.first().is_some()) {
+    for source in sources("src").iter().filter(|source| !source.module.is_empty()) {
         let Some(room) = rooms().filter(|room| source.lies_in(room.path)).max_by_key(|room| room.path.len()) else {
             faults.push(format!("{}: lies in no room of the table", source.file.display()));
             continue;
@@ -325,8 +325,8 @@ fn blanked(text: &str) -> String {
     while let Some(first) = rest.chars().next() {
         let length = if rest.starts_with("//") {
             rest.find('\n').unwrap_or(rest.len())
-        } else if rest.starts_with("r#\"") {
-            rest[3..].find("\"#").map_or(rest.len(), |end| end + 5)
+        } else if let Some(raw) = rest.strip_prefix("r#\"") {
+            raw.find("\"#").map_or(rest.len(), |end| end + 5)
         } else if first == '"' {
             string_length(rest)
         } else if first == '\'' {
