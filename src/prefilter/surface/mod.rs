@@ -79,7 +79,8 @@ pub struct CoarseLevel {
 
 /// Compiles one level for direct light (shadowing and masking).
 ///
-/// The stages, named to `on_stage` as they begin: `downsample`, `lobes`, `visibility`, `fine`, `coarse`, `fit`.
+/// The stages, named to `on_stage` as they begin: `downsample`, `lobes`, `group`, `visibility`, `fine`, `coarse`,
+/// `fit`.
 pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn FnMut(&'static str)) -> CoarseLevel {
     on_stage("downsample");
     let heights = downsample::downsample(&fine.heights, settings.factor);
