@@ -1,0 +1,146 @@
+//! Maps, directions, levels and assets that the physics suites share.
+#![allow(dead_code, reason = "each suite uses its part")]
+
+use std::collections::BTreeMap;
+
+use farfield::build::encode::{base_brdf, boundary, decoded, surface_level};
+use farfield::build::level_error::{Reference, measure};
+use farfield::geometry::{Boundary, HeightField, SurfacePoint};
+use farfield::material::{Brdf, Conductor};
+use farfield::math::rng::Stream;
+use farfield::prefilter::surface::{CoarseLevel, FineSurface, LevelSettings, compile};
+use formats::asset::{LevelError, Light, Source, SurfaceAsset, SurfaceLevel};
+use formats::lookup;
+use glam::Vec3;
+
+/// cos 75°: what divides "below" from "above".
+pub(crate) const COS_75: f32 = 0.258_819_05;
+
+/// A Lambertian base.
+pub(crate) fn diffuse(albedo: f32) -> Brdf {
+    Brdf { diffuse: [albedo; 3], specular: None }
+}
+
+/// A GGX base without a diffuse part.
+pub(crate) fn ggx(alpha: f32) -> Brdf {
+    Brdf { diffuse: [0.0; 3], specular: Some(Conductor { alpha, f0: [0.9, 0.7, 0.5] }) }
+}
+
+/// Both parts.
+pub(crate) fn both(alpha: f32) -> Brdf {
+    Brdf { diffuse: [0.5, 0.3, 0.1], ..ggx(alpha) }
+}
+
+/// A height field from a formula; spacing in metres.
+pub(crate) fn field(
+    size: [usize; 2],
+    spacing: [f32; 2],
+    boundary: Boundary,
+    height: impl Fn(usize, usize) -> f32,
+) -> HeightField {
+    let heights = (0..size[0] * size[1]).map(|k| height(k % size[0], k / size[0])).collect();
+    HeightField::new(heights, size, spacing, boundary)
+}
+
+/// A map of `fixtures/`, lengths in texels.
+pub(crate) fn fixture(path: &str, amplitude: f32) -> HeightField {
+    let path = format!("{}/fixtures/{path}.png", env!("CARGO_MANIFEST_DIR"));
+    let map = image::open(path).unwrap().into_luma16();
+    let size = [map.width() as usize, map.height() as usize];
+    let heights = map.into_raw().iter().map(|&code| f32::from(code) / 65535.0 * amplitude).collect();
+    HeightField::new(heights, size, [1.0, 1.0], Boundary::Repeat)
+}
+
+/// The fixtures with their amplitudes in texels (`fixtures/heights/heights.json`, `fixtures/README.md`).
+pub(crate) const FIXTURES: [(&str, f32); 7] = [
+    ("heights/twill", 24.415),
+    ("heights/fbm", 58.539),
+    ("heights/bump", 28.0),
+    ("heights/vgroove", 32.0),
+    ("rocks/height", 35.9),
+    ("heights/silk", 24.453),
+    ("heights/cliffs", 120.0),
+];
+
+/// The corner of a map, as a map of its own.
+pub(crate) fn crop(map: &HeightField, size: [usize; 2], spacing: [f32; 2], boundary: Boundary) -> HeightField {
+    field(size, spacing, boundary, |i, j| map.vertex(i, j))
+}
+
+/// Smooth random heights that tile: eight waves of at least `shortest` texels, root mean square `rms`.
+pub(crate) fn waves(size: [usize; 2], shortest: f32, rms: f32, seed: u64) -> impl Fn(usize, usize) -> f32 {
+    let rng = Stream::new(seed, 77);
+    let wave = |k: u64| {
+        let random = |d: u64| rng.uniform(8 * k + d);
+        let cycles = [0, 1].map(|axis| {
+            let most = (size[axis] as f32 / shortest).floor();
+            (random(axis as u64) * (2.0 * most + 1.0)).floor() - most
+        });
+        (cycles, std::f32::consts::TAU * random(2))
+    };
+    let waves: Vec<_> = (0..8).map(wave).collect();
+    move |i, j| {
+        let at = [i as f32 / size[0] as f32, j as f32 / size[1] as f32];
+        let sum: f32 = waves
+            .iter()
+            .map(|(cycles, phase)| (std::f32::consts::TAU * (cycles[0] * at[0] + cycles[1] * at[1]) + phase).sin())
+            .sum();
+        0.5 * rms * sum
+    }
+}
+
+/// A unit direction of polar angle `theta` and azimuth `phi`, radians.
+pub(crate) fn towards(theta: f32, phi: f32) -> Vec3 {
+    Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+}
+
+/// A direction uniform over the hemisphere.
+pub(crate) fn random_direction(rng: Stream, index: u64) -> Vec3 {
+    Vec3::from(lookup::direction_of(rng.uniform_pair(index)))
+}
+
+/// The centre of texel (i, j).
+pub(crate) fn centre(i: usize, j: usize) -> SurfacePoint {
+    SurfacePoint { cell: [i, j], st: [0.5; 2] }
+}
+
+/// The default tables with a factor.
+pub(crate) fn at(factor: f32) -> LevelSettings {
+    LevelSettings { factor, patches: 4, directions: 15, rank: 1, lobes: None, seed: 1 }
+}
+
+/// A level as the compiler gives it.
+pub(crate) fn compiled(fine: &FineSurface, settings: &LevelSettings) -> CoarseLevel {
+    compile(fine, settings, &mut |_| {})
+}
+
+/// An asset of levels that were compiled from `fine`.
+pub(crate) fn asset(fine: &FineSurface, levels: Vec<SurfaceLevel>) -> SurfaceAsset {
+    let [width, height] = fine.heights.size();
+    SurfaceAsset {
+        name: "physics".into(),
+        light: Light::Direct,
+        size: [0, 1].map(|k| fine.heights.size()[k] as f64 * f64::from(fine.heights.spacing()[k])),
+        boundary: boundary(fine.heights.boundary()),
+        source: Source { digest: "0".repeat(64), width: width as u32, height: height as u32 },
+        bsdf: base_brdf(&fine.brdf),
+        settings: serde_json::Value::Null,
+        versions: BTreeMap::new(),
+        seed: 1,
+        isa: "any".into(),
+        levels,
+    }
+}
+
+/// The asset of one compiled level as its reader sees it: through the bytes of its files.
+pub(crate) fn through_bytes(fine: &FineSurface, coarse: CoarseLevel) -> SurfaceAsset {
+    let files = asset(fine, vec![surface_level(1, &fine.heights, coarse)]).encode().unwrap();
+    decoded(&files).unwrap()
+}
+
+/// The measured error of the first level of `asset`.
+pub(crate) fn measured(fine: &FineSurface, asset: &SurfaceAsset, seed: u64) -> LevelError {
+    let reference =
+        Reference { fine, bsdf: &asset.bsdf, size: asset.size, boundary: asset.boundary, on_node: 0.0, seed };
+    measure(&reference, &asset.levels[0])
+}
