@@ -148,40 +148,36 @@ def f_c(bsdf, mean, kappa, weight, color, n_c, wi, wo):
         m, s = r * c, np.sqrt(A * np.maximum(1 - c * c, 0) + B * c * c)
         z = np.minimum(abs(m / np.maximum(s, 1e-9)), 13)
         phi = 0.3989423 * np.exp(-z * z / 2)
-        t = W * phi * (1 + 0.4126071 * z + 0.07928679 * z**2) / (
+        t = phi * (1 + 0.4126071 * z + 0.07928679 * z**2) / (
             1 + 1.6654489 * z + 1.1699745 * z**2 + 0.41832913 * z**3 + 0.07909453 * z**4)
-        q = phi * (1.2533141 + 0.44077361 * z + 0.07700919 * z**2) / (
+        q = phi * (1.2533141 + 0.4407736 * z + 0.07700919 * z**2) / (
             1 + 1.9477498 * z + 1.6669497 * z**2 + 0.8114917 * z**3 + 0.2237087 * z**4 + 0.03840724 * z**5)
-        V = np.where(m >= 0, 1 - q - t * (2 * z + t), q - t * t)
-        return c, np.maximum(m, 0) + s * t, np.sqrt(np.maximum(V, 0))
+        averted = (q + z * phi) / (z * z + 1)
+        fraction = np.where(m >= 0, 1 - averted, averted)
+        excess = np.sqrt(np.maximum(q - t * t - averted**2, 0)) / np.maximum(s, 1e-9)
+        m = np.maximum(m, 0)
+        return c, m + W * s * t, m + s * t, fraction, excess
 
-    (ci, pi, si), (co, po, so) = facing(wi), facing(wo)
-    independent = pi * po
-    K = (A * (dot(wi, wo)[:, None] - ci * co) + B * ci * co) * si * so
-    k = np.minimum(K / np.maximum(independent, 1e-20), 0)
-    cosines = np.where(K >= 0, independent + K, independent / (1 - k + 0.75 * k * k))
+    (ci, pi, Ii, Fi, ei), (co, po, Io, Fo, eo) = facing(wi), facing(wo)
+    K = A * (dot(wi, wo)[:, None] - ci * co) + B * ci * co
+    cosines = np.maximum(Ii * Io + K * (Fi * Fo + K * ei * eo), 1e-3 * Ii * Io)
     N = np.asarray(bsdf["diffuse"]) * color / np.pi * dot(weight, cosines)[:, None]
 
     if bsdf["specular"]:
-        alpha, length = bsdf["specular"]["alpha"], np.linalg.norm(wi + wo, axis=1, keepdims=True)
-        h = ((wi + wo) / np.maximum(length, 1e-9))[:, None]
-        u = ((h - mean) ** 2).sum(axis=-1) / 2
-        peak = lambda lam: np.maximum(np.sqrt(np.maximum((kappa + lam) ** 2 - 2 * lam * kappa * u, 0)), 1e-4)
+        alpha, H = bsdf["specular"]["alpha"], np.maximum(np.linalg.norm(wi + wo, axis=1, keepdims=True), 1e-9) / 2
+        u = np.clip(1 - (ci + co) / (2 * H), 0, 2)
         total = 0
         for lam, amplitude in bsdf["specular"]["gaussians"]:
-            k = peak(lam)
-            E = np.exp(np.maximum(-2 * lam * kappa * u / np.maximum(k + kappa + lam, 1e-9), -87))
-            total = total + amplitude * E * (1 - np.exp(-2 * k)) / k
-        lam = 2 / alpha**2
-        k = peak(lam)
-        m = (lam * h + kappa[..., None] * mean) / k[..., None]
-        soft = 0.63662 / (k + 2.5465)
-        cosine = lambda d: np.clip((d + np.sqrt(d * d + soft)) / 2, 0, 1)
-        Ci, Co = cosine(dot(m, wi[:, None])), cosine(dot(m, wo[:, None]))
-        Ri, Ro = (np.sqrt(alpha**2 + (1 - alpha**2) * c * c) for c in (Ci, Co))
-        G = 2 * Ci * Co / np.maximum(Ci * Ro + Co * Ri, 1e-12)
-        F0, F5 = np.asarray(bsdf["specular"]["f0"]) * color, np.clip(1 - length / 2, 0, 1) ** 5
-        N = N + (F0 + (1 - F0) * F5) * dot(weight, C * G * total / 4)[:, None]
+            k = np.maximum(np.sqrt(np.maximum((kappa + lam) ** 2 - 2 * lam * kappa * u, 0)), 1e-4)
+            E = np.exp(np.maximum(-2 * lam * kappa * u / (k + kappa + lam), -87))
+            shrink, soft = (k + 1) / ((k + 1) ** 2 + 2), 0.63662 / (k + 2.5465)
+            cosine = lambda d: np.clip((d + np.sqrt(d * d + soft)) / 2, 0, 1)
+            Ci, Co = (cosine((lam * H + kappa * c) * shrink) for c in (ci, co))
+            Ri, Ro = (np.sqrt(alpha**2 + (1 - alpha**2) * c * c) for c in (Ci, Co))
+            G = 2 * Ci * Co / np.maximum(Ci * Ro + Co * Ri, 1e-12)
+            total = total + amplitude * G * E * (1 - np.exp(-2 * k)) / k
+        F0, F5 = np.asarray(bsdf["specular"]["f0"]) * color, np.clip(1 - H, 0, 1) ** 5
+        N = N + (F0 + (1 - F0) * F5) * dot(weight, C * total / 4)[:, None]
 
     Pi, Po = dot(weight, pi), dot(weight, po)
     seen = (Pi >= 1e-6) & (Po >= 1e-6) & (wi[:, 2] > 0) & (wo[:, 2] > 0) & (n_c[:, 2] > 0)

@@ -48,7 +48,7 @@ pub struct Specular {
 /// Below this P_c a cell does not face the direction, and f_c is 0.
 pub const MIN_FACING: f32 = 1e-6;
 
-/// exp(x) for x <= 0, within 3e-7 of the value; 0 below −87.
+/// exp(x) for x <= 0, within 3e-7 of the value; e^−87 below −87.
 ///
 /// 2^n · 2^f with |f| <= ½ and the Taylor polynomial of degree 6 for 2^f: the same bits on every platform, and plain
 /// arithmetic that compilers vectorise.
@@ -149,9 +149,9 @@ impl LobeKernel {
         let averted = (q + z * phi) / (z * z + 1.0); // Φ(−|z|)
         let faces = m >= 0.0;
         let fraction = if faces { 1.0 - averted } else { averted };
-        let variance = if faces { 1.0 - q - t * (2.0 * z + t) } else { q - t * t };
-        // max(0): rounding, where both terms are near 1 or both near 0
-        let excess = (variance - fraction * fraction).max(0.0).sqrt() / s.max(1e-9);
+        // Var⟨x⟩/Var x − Φ² is q − t² − Φ(−|z|)² on either side of z = 0; written for z > 0 it would be a difference of
+        // numbers near 1. max(0): rounding of the tail, where all terms are near 0
+        let excess = (q - t * t - averted * averted).max(0.0).sqrt() / s.max(1e-9);
         let positive = m.max(0.0);
         Facing { cos_mean: c, mean: positive + self.widen * s * t, normal_mean: positive + s * t, fraction, excess }
     }
