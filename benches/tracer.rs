@@ -1,4 +1,7 @@
 //! Rays a core-second by kind, on twill: `cargo bench --bench tracer`.
+//!
+//! Directions are random throughout. "Points in order" start in rows of blocks of 8 × 8 texels, as stratified points do;
+//! the others start anywhere, and wait for memory more than half of the time.
 
 use farfield::geometry::{Boundary, HeightField, HeightTracer, Ray, SurfacePoint};
 use farfield::math::rng::Stream;

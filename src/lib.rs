@@ -2,7 +2,7 @@
 //!
 //! A height map far finer than a pixel goes in; coarse levels that reflect the same light come out. The rooms, bottom up:
 //!
-//! - [`math`]: directions, random numbers, von Mises-Fisher statistics, least squares, vector kernels
+//! - [`math`]: random numbers, von Mises-Fisher statistics, vector kernels
 //! - [`geometry`]: height fields and exact rays against them
 //! - [`material`]: base BRDFs and their spherical-Gaussian forms
 //! - [`transport`]: effective BRDFs of a patch by exact ray casts

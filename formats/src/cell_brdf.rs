@@ -61,8 +61,8 @@ pub fn exp_neg(x: f32) -> f32 {
     let p = 1.540_353e-4_f32;
     let p = p * f + 1.333_355_8e-3;
     let p = p * f + 9.618_129e-3;
-    let p = p * f + 5.550_410_9e-2;
-    let p = p * f + 2.402_265_1e-1;
+    let p = p * f + 5.550_411e-2;
+    let p = p * f + 2.402_265e-1;
     let p = p * f + 6.931_472e-1;
     let p = p * f + 1.0;
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
@@ -81,11 +81,11 @@ pub struct Facing {
     /// P_j(ω), the mean of ⟨n, ω⟩.
     pub mean: f32,
     /// The mean of ⟨n, ω⟩ if n·ω were normally distributed.
-    normal_mean: f32,
+    pub normal_mean: f32,
     /// Φ(z), the fraction of normals that face ω.
-    fraction: f32,
-    /// √(Var⟨n, ω⟩/Var(n·ω) − Φ²).
-    excess: f32,
+    pub fraction: f32,
+    /// e/s with s² = Var(n·ω) and e² = Var⟨n, ω⟩/s² − Φ².
+    pub excess: f32,
 }
 
 /// The constants of one lobe, ready for many directions. The weight is not included: P_j and N_j are per unit weight.
@@ -139,7 +139,7 @@ impl LobeKernel {
     pub fn facing(&self, w: [f32; 3]) -> Facing {
         let c = dot(self.mean, w);
         let m = self.resultant * c;
-        let s = self.spread(c);
+        let s = (self.var_across * (1.0 - c * c).max(0.0) + self.var_along * c * c).sqrt();
         let z = (m / s.max(1e-9)).abs().min(13.0);
         let phi = 0.398_942_3 * exp_neg(-0.5 * z * z);
         let t = phi * (1.0 + z * (0.412_607_1 + z * 0.079_286_79))
@@ -151,15 +151,9 @@ impl LobeKernel {
         let fraction = if faces { 1.0 - averted } else { averted };
         let variance = if faces { 1.0 - q - t * (2.0 * z + t) } else { q - t * t };
         // max(0): rounding, where both terms are near 1 or both near 0
-        let excess = (variance - fraction * fraction).max(0.0).sqrt();
+        let excess = (variance - fraction * fraction).max(0.0).sqrt() / s.max(1e-9);
         let positive = m.max(0.0);
         Facing { cos_mean: c, mean: positive + self.widen * s * t, normal_mean: positive + s * t, fraction, excess }
-    }
-
-    /// Standard deviation of n·ω for μ·ω = `c`.
-    #[inline(always)]
-    fn spread(&self, c: f32) -> f32 {
-        (self.var_across * (1.0 - c * c).max(0.0) + self.var_along * c * c).sqrt()
     }
 
     /// ∫ ⟨n, ωi⟩ ⟨n, ωo⟩ γ(n) dn; `cos_io` = ωi·ωo.
@@ -167,16 +161,15 @@ impl LobeKernel {
     /// For jointly normal x = n·ωi, y = n·ωo of correlation ρ, the derivative of E⟨x⟩⟨y⟩ by ρ at ρ = 0 is
     /// s_i s_o Φ_i Φ_o (Price's theorem); the term in ρ² makes ρ = 1 exact for ωi = ωo:
     ///
-    /// N_j = P_i P_o + cov(x, y) Φ_i Φ_o + cov(x, y)²/(s_i s_o) · e_i e_o,   e² = Var⟨x⟩/Var x − Φ²
+    /// N_j = P_i P_o + cov(x, y) Φ_i Φ_o + cov(x, y)² · e_i/s_i · e_o/s_o,   e² = Var⟨x⟩/Var x − Φ²
     ///
     /// where cov(x, y) = (r/κ)(ωi·ωo − c_i c_o) + Var(n·μ) c_i c_o is exact. Unclamped it is all exact (Φ = 1, e = 0).
     #[inline(always)]
     pub fn cosines(&self, i: Facing, o: Facing, cos_io: f32) -> f32 {
         let along = i.cos_mean * o.cos_mean;
         let covariance = self.var_across * (cos_io - along) + self.var_along * along;
-        let spread = (self.spread(i.cos_mean) * self.spread(o.cos_mean)).max(1e-12);
         let independent = i.normal_mean * o.normal_mean;
-        let correlated = covariance * (i.fraction * o.fraction + covariance / spread * i.excess * o.excess);
+        let correlated = covariance * (i.fraction * o.fraction + covariance * i.excess * o.excess);
         // the quadratic in ρ may end a little below 0 at ρ = −1, where the truth is 0
         (independent + correlated).max(1e-3 * independent)
     }

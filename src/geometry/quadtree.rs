@@ -187,12 +187,21 @@ impl<'a> Quadtree<'a> {
         }
     }
 
-    /// Asks for the nodes above `cell` at once: the search would wait for them one after the other.
+    /// Asks for the nodes above `cell` and the heights around it at once; the search would wait for them one by one.
+    ///
+    /// At random points of 1024² this is worth a third of the speed, at neighbouring points nothing.
     #[inline(always)]
     pub(super) fn touch(&self, cell: [usize; 2]) {
         for level in 2..=self.top.min(TOUCHED_LEVEL) {
             let [x, y] = cell.map(|x| (x >> level) as u32);
             black_box(self.node(level, x, y).max[0]);
+        }
+        let size = self.heights.size();
+        // The rows of vertices of the finest stored node's 4 × 4 cells.
+        for row in 0..5 {
+            let j = (cell[1] & !3) + row;
+            let j = if j < size[1] { j } else { self.beyond[1] };
+            black_box(self.heights.heights()[j * size[0] + cell[0]]);
         }
     }
 

@@ -138,6 +138,7 @@ impl<'a> HeightTracer<'a> {
     /// The first crossing of the surface by `ray`, from either side.
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
         let Entry { cell, plane, ray: local, side, t: t_start } = self.entering(ray)?;
+        self.tree.touch(cell);
         let hit = |cell: &Candidate| cell.patch.crossing(&local, side, self.tolerance).map(|t| (t, *cell));
         let found = self.walk(&local, cell, || None, hit)?;
         Some(self.hit(&local, plane, t_start, found))

@@ -18,11 +18,20 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Places per axis of the whole map, at least: 512² leave 0.1 % of noise in a patch's visible area (twill, 8×).
+/// Places per axis of the whole map, at least: 384² leave 0.6 % in F on the nodes (twill, 8×, diffuse; 512² 0.54 %, 256² 0.8 %).
 const PLACES: usize = 384;
 
-/// At most this many prototypes; measured on twill at 8×, GGX 0.1, doubling it changes F by under 0.05 %.
-const MAX_PROTOTYPES: usize = 1536;
+/// At most this many prototypes: a narrower base NDF sees smaller differences between lobes.
+///
+/// Measured on twill at 8×, ε off the nodes: diffuse 0.57 % with 1536, 0.59 % with 768, 0.62 % with 400; α = 0.3 1.49,
+/// 1.51, 1.61 %; α = 0.1 4.7, 5.0, 7.0 %.
+fn max_prototypes(brdf: &Brdf) -> usize {
+    match brdf.specular {
+        None => 640,
+        Some(conductor) if conductor.alpha >= 0.25 => 1024,
+        Some(_) => 1536,
+    }
+}
 
 /// Rows of pairs a task: what a task holds of the prototypes' tables must fit a cache.
 const TASKS: usize = 12;
@@ -51,11 +60,21 @@ pub fn coarse_reflectance(
     let per_axis = PLACES.div_ceil(cells[0].max(cells[1])).min(PLACES);
     let places = Places::new(coarse.heights, per_axis);
     let bits = VisibilityBits::sweep(&places.field, &directions.vectors, places.slots());
-    let prototypes = Prototypes::new(coarse.lobes, cells[0] * cells[1]);
-    let facing = inverse_facing(coarse, &prototypes, directions);
+    let prototypes = Prototypes::new(coarse.lobes, cells[0] * cells[1], max_prototypes(coarse.brdf));
+    let tables = FacingTables::new(&prototypes, directions);
+    let facing = tables.inverse_of_cells(&prototypes, directions.len());
     let terms = terms(coarse.brdf, coarse.base_color.is_some());
-    let task =
-        Task { coarse, patches, directions, places: &places, bits: &bits, prototypes: &prototypes, facing, terms };
+    let task = Task {
+        coarse,
+        patches,
+        directions,
+        places: &places,
+        bits: &bits,
+        prototypes: &prototypes,
+        tables: &tables,
+        facing,
+        terms,
+    };
     let sums = task.sums();
     assemble(&sums, &task.terms, coarse.brdf, directions)
 }
@@ -126,14 +145,14 @@ struct Prototypes {
 }
 
 impl Prototypes {
-    fn new(lobes: &[Vec<VmfLobe>], cell_count: usize) -> Self {
+    fn new(lobes: &[Vec<VmfLobe>], cell_count: usize, limit: usize) -> Self {
         // finest first: as long as there are too many prototypes, widen the bins
         let used = lobes.iter().flatten().filter(|lobe| lobe.weight > 0.0).count();
-        let mut resolution = if used <= MAX_PROTOTYPES { None } else { Some(96.0_f32) };
+        let mut resolution = if used <= limit { None } else { Some(96.0_f32) };
         loop {
             let built = Self::with_bins(lobes, cell_count, resolution);
             match resolution {
-                Some(r) if built.kernels.len() > MAX_PROTOTYPES => resolution = Some(r * 0.85),
+                Some(r) if built.kernels.len() > limit => resolution = Some(r * 0.85),
                 _ => return built,
             }
         }
@@ -178,24 +197,44 @@ impl Prototypes {
     }
 }
 
-/// 1/P_c(ω) for every cell and direction, 0 where P_c is under [`MIN_FACING`]; `[cell][direction]`.
-fn inverse_facing(coarse: &CoarseSurface<'_>, prototypes: &Prototypes, directions: &TableDirections) -> Vec<f32> {
-    let n = directions.len();
-    let cells = coarse.heights.size();
-    let mut inverse = vec![0.0; cells[0] * cells[1] * n];
-    let table: Vec<f32> = prototypes
-        .kernels
-        .par_iter()
-        .flat_map_iter(|kernel| directions.vectors.iter().map(|&w| kernel.facing(w).mean))
-        .collect();
-    inverse.par_chunks_mut(n).zip(&prototypes.cells).for_each(|(inverse, members)| {
-        for &(prototype, weight) in &prototypes.members[members.clone()] {
-            let facing = &table[prototype as usize * n..][..n];
-            inverse.iter_mut().zip(facing).for_each(|(sum, p)| *sum += weight * p);
+/// How every prototype faces every direction, `[prototype][direction]` each: structure of arrays, for kernels.
+struct FacingTables {
+    cos_mean: Vec<f32>,
+    mean: Vec<f32>,
+    normal_mean: Vec<f32>,
+    fraction: Vec<f32>,
+    excess: Vec<f32>,
+}
+
+impl FacingTables {
+    fn new(prototypes: &Prototypes, directions: &TableDirections) -> Self {
+        let facing: Vec<Facing> = prototypes
+            .kernels
+            .par_iter()
+            .flat_map_iter(|kernel| directions.vectors.iter().map(|&w| kernel.facing(w)))
+            .collect();
+        let field = |field: fn(&Facing) -> f32| facing.iter().map(field).collect();
+        Self {
+            cos_mean: field(|f| f.cos_mean),
+            mean: field(|f| f.mean),
+            normal_mean: field(|f| f.normal_mean),
+            fraction: field(|f| f.fraction),
+            excess: field(|f| f.excess),
         }
-        inverse.iter_mut().for_each(|p| *p = if *p < MIN_FACING { 0.0 } else { 1.0 / *p });
-    });
-    inverse
+    }
+
+    /// 1/P_c(ω) for every cell and direction, 0 where P_c is under [`MIN_FACING`]; `[cell][direction]`.
+    fn inverse_of_cells(&self, prototypes: &Prototypes, directions: usize) -> Vec<f32> {
+        let mut inverse = vec![0.0; prototypes.cells.len() * directions];
+        inverse.par_chunks_mut(directions).zip(&prototypes.cells).for_each(|(inverse, members)| {
+            for &(prototype, weight) in &prototypes.members[members.clone()] {
+                let facing = &self.mean[prototype as usize * directions..][..directions];
+                inverse.iter_mut().zip(facing).for_each(|(sum, p)| *sum += weight * p);
+            }
+            inverse.iter_mut().for_each(|p| *p = if *p < MIN_FACING { 0.0 } else { 1.0 / *p });
+        });
+        inverse
+    }
 }
 
 /// Everything that the sums over cells read.
@@ -206,6 +245,8 @@ struct Task<'a> {
     places: &'a Places,
     bits: &'a VisibilityBits,
     prototypes: &'a Prototypes,
+    tables: &'a FacingTables,
+    /// 1/P_c, `[cell][direction]`.
     facing: Vec<f32>,
     terms: Vec<Term>,
 }
@@ -310,31 +351,20 @@ impl PrototypeTables {
         let mut parts = [Part::Diffuse, Part::Specular]
             .map(|part| if has(part) { vec![0.0; task.prototypes.kernels.len() * stride] } else { Vec::new() });
         let w = &task.directions.vectors;
-        let mut facing = vec![Facing::default(); n];
-        let cos_halves: Vec<Vec<f32>> =
-            rows.clone().map(|i| w[..=i].iter().map(|&wo| half_vector(w[i], wo).1).collect()).collect();
-        let alpha = task.coarse.brdf.specular.map_or(1.0, |conductor| conductor.alpha);
-        let mut cosines = vec![0.0; n];
+        let row_of = |value: fn([f32; 3], [f32; 3]) -> f32| -> Vec<Vec<f32>> {
+            rows.clone().map(|i| w[..=i].iter().map(|&wo| value(w[i], wo)).collect()).collect()
+        };
+        let cos_io = row_of(|a, b| a[0] * b[0] + a[1] * b[1] + a[2] * b[2]);
+        let cos_half = row_of(|a, b| half_vector(a, b).1);
         for (k, kernel) in task.prototypes.kernels.iter().enumerate() {
-            facing.iter_mut().zip(w).for_each(|(facing, &w)| *facing = kernel.facing(w));
-            cosines.iter_mut().zip(&facing).for_each(|(c, facing)| *c = facing.cos_mean);
-            if !parts[0].is_empty() {
-                for (row, i) in parts[0][k * stride..][..stride].chunks_mut(n).zip(rows.clone()) {
-                    for ((out, &o), &wo) in row[..i + 1].iter_mut().zip(&facing).zip(w) {
-                        let cos_io = w[i][0] * wo[0] + w[i][1] * wo[1] + w[i][2] * wo[2];
-                        *out = kernel.cosines(facing[i], o, cos_io);
-                    }
+            let prototype = PrototypeRow::new(task, k, *kernel);
+            for (r, i) in rows.clone().enumerate() {
+                let at = k * stride + r * n;
+                if !parts[0].is_empty() {
+                    prototype.cosines(i, &cos_io[r], &mut parts[0][at..][..i + 1]);
                 }
-            }
-            if !parts[1].is_empty() {
-                for (row, i) in parts[1][k * stride..][..stride].chunks_mut(n).zip(rows.clone()) {
-                    // one Gaussian at a time, so that the loop over directions is the innermost
-                    for &gaussian in task.coarse.gaussians {
-                        let halves = &cos_halves[i - rows.start];
-                        for ((out, &co), &cos_half) in row[..i + 1].iter_mut().zip(&cosines).zip(halves) {
-                            *out += kernel.specular_term(alpha, gaussian, cos_half, cosines[i], co);
-                        }
-                    }
+                if !parts[1].is_empty() {
+                    prototype.specular(i, &cos_half[r], &mut parts[1][at..][..i + 1]);
                 }
             }
         }
@@ -346,6 +376,66 @@ impl PrototypeTables {
         let n = self.rows.end;
         let table = &self.parts[usize::from(part == Part::Specular)];
         &table[(prototype * self.rows.len() + i - self.rows.start) * n..][..i + 1]
+    }
+}
+
+/// One prototype and how it faces all directions.
+struct PrototypeRow<'a> {
+    kernel: LobeKernel,
+    cos_mean: &'a [f32],
+    normal_mean: &'a [f32],
+    fraction: &'a [f32],
+    excess: &'a [f32],
+    alpha: f32,
+    gaussians: &'a [[f32; 2]],
+}
+
+impl<'a> PrototypeRow<'a> {
+    fn new(task: &Task<'a>, k: usize, kernel: LobeKernel) -> Self {
+        let n = task.directions.len();
+        let of = |table: &'a Vec<f32>| &table[k * n..][..n];
+        Self {
+            kernel,
+            cos_mean: of(&task.tables.cos_mean),
+            normal_mean: of(&task.tables.normal_mean),
+            fraction: of(&task.tables.fraction),
+            excess: of(&task.tables.excess),
+            alpha: task.coarse.brdf.specular.map_or(1.0, |conductor| conductor.alpha),
+            gaussians: task.coarse.gaussians,
+        }
+    }
+
+    #[inline(always)]
+    fn facing(&self, o: usize) -> Facing {
+        let [cos_mean, normal_mean, fraction, excess] =
+            [self.cos_mean[o], self.normal_mean[o], self.fraction[o], self.excess[o]];
+        Facing { cos_mean, mean: normal_mean, normal_mean, fraction, excess }
+    }
+
+    /// N_j of the diffuse part for the pairs (i, o), o <= i.
+    #[inline(always)]
+    fn cosines(&self, i: usize, cos_io: &[f32], out: &mut [f32]) {
+        let own = self.facing(i);
+        let len = out.len();
+        let (cos_io, cos_mean, normal_mean) = (&cos_io[..len], &self.cos_mean[..len], &self.normal_mean[..len]);
+        let (fraction, excess) = (&self.fraction[..len], &self.excess[..len]);
+        for o in 0..len {
+            let [cos_mean, normal_mean, fraction, excess] = [cos_mean[o], normal_mean[o], fraction[o], excess[o]];
+            let other = Facing { cos_mean, mean: normal_mean, normal_mean, fraction, excess };
+            out[o] = self.kernel.cosines(own, other, cos_io[o]);
+        }
+    }
+
+    /// N_j of the specular part for the pairs (i, o), o <= i; one Gaussian at a time, so that the loop over directions
+    /// is the innermost.
+    #[inline(always)]
+    fn specular(&self, i: usize, cos_half: &[f32], out: &mut [f32]) {
+        let own = self.cos_mean[i];
+        for &gaussian in self.gaussians {
+            for ((out, &co), &cos_half) in out.iter_mut().zip(self.cos_mean).zip(cos_half) {
+                *out += self.kernel.specular_term(self.alpha, gaussian, cos_half, own, co);
+            }
+        }
     }
 }
 

@@ -4,6 +4,7 @@
 //! Every quotient carries a prior that pulls S to 1 where neither surface reflects anything: nothing is ever divided by
 //! a number near 0. The weight of a pair of directions is its solid angle, as in ε: F holds both cosines already.
 
+use super::LARGEST_STORED;
 use super::reflectance::{PatchReflectance, TableDirections, pair, pair_count};
 use crate::geometry::Boundary;
 use rayon::prelude::*;
@@ -215,6 +216,10 @@ impl Data<'_> {
         if model > 0.0 && fine > 0.0 {
             channel.angular.iter_mut().flatten().for_each(|s| *s *= fine / model);
         }
+        // where F_coarse all but misses what F_fine reflects; the caller reports S above 64
+        let limit = f64::from(LARGEST_STORED);
+        let factors = channel.spatial.iter_mut().chain(&mut channel.angular);
+        factors.flatten().for_each(|x| *x = x.clamp(-limit, limit));
     }
 }
 
@@ -304,7 +309,7 @@ pub fn deconvolve(means: &[[f32; 3]], patches: [usize; 2], boundary: Boundary) -
             (0..3).for_each(|k| stored[k] += target[k] - blurred[k]);
         }
     }
-    stored.iter().map(|t| t.map(|x| x as f32)).collect()
+    stored.iter().map(|t| t.map(|x| (x as f32).clamp(-LARGEST_STORED, LARGEST_STORED))).collect()
 }
 
 /// Means over the patches of the bilinear interpolant of a table.

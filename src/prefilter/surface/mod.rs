@@ -9,7 +9,7 @@ pub mod published;
 pub mod reflectance;
 pub mod visibility;
 
-use crate::geometry::HeightField;
+use crate::geometry::{Boundary, HeightField};
 use crate::material::{Brdf, ggx_gaussians};
 use coarse::{CoarseSurface, coarse_reflectance};
 use fit::{deconvolve, fit_scaling, full_table};
@@ -79,13 +79,15 @@ pub struct CoarseLevel {
 
 /// Compiles one level for direct light (shadowing and masking).
 ///
-/// The stages, named to `on_stage` as they begin: `downsample`, `lobes`, `visibility`, `fine`, `coarse`, `fit`.
+/// The stages, named to `on_stage` as they begin: `downsample`, `lobes`, `group`, `visibility`, `fine`, `coarse`,
+/// `fit`.
 pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn FnMut(&'static str)) -> CoarseLevel {
     on_stage("downsample");
     let heights = downsample::downsample(&fine.heights, settings.factor);
     on_stage("lobes");
     let cells = heights.size();
-    let lobes = lobes::fit_lobes(&fine.heights, cells, settings.lobes);
+    let mut lobes = lobes::fit_lobes(&fine.heights, cells, settings.lobes);
+    limit_weights(&mut lobes);
     let base_color = fine.color.as_ref().map(|color| cell_colors(color, fine.heights.size(), cells));
     let patches = cells.map(|cells| settings.patches.clamp(1, cells));
     let directions = TableDirections::new(settings.directions);
@@ -101,8 +103,15 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
     };
     let f_coarse = coarse_reflectance(&surface, patches, &directions);
     on_stage("fit");
-    let factors = fit_scaling(&f_fine, &f_coarse, &directions, settings.rank);
-    let spatial = factors.spatial.iter().map(|t| deconvolve(t, patches, heights.boundary())).collect();
+    let (factors, spatial) = (1..=settings.rank)
+        .rev()
+        .map(|rank| {
+            let factors = fit_scaling(&f_fine, &f_coarse, &directions, rank);
+            let spatial = stored_spatial(&factors.spatial, patches, heights.boundary());
+            (factors, spatial)
+        })
+        .find(|(factors, spatial)| spatial.len() == 1 || is_positive(spatial, &factors.angular))
+        .expect("rank 1 is always accepted");
     let angular = factors.angular.iter().map(|s| full_table(s, directions.len())).collect();
     let warnings = scaling_warning(&factors.angular, &f_fine, &directions).into_iter().collect();
     CoarseLevel {
@@ -115,6 +124,38 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
         angular,
         on_node: factors.on_node,
         warnings,
+    }
+}
+
+/// T as it is stored: deconvolved, and not negative where it is the only factor.
+fn stored_spatial(means: &[Vec<[f32; 3]>], patches: [usize; 2], boundary: Boundary) -> Vec<Vec<[f32; 3]>> {
+    let mut stored: Vec<Vec<[f32; 3]>> = means.iter().map(|t| deconvolve(t, patches, boundary)).collect();
+    if let [only] = stored.as_mut_slice() {
+        // a patch that is black among bright ones asks for a negative texel
+        only.iter_mut().flatten().for_each(|t| *t = t.max(0.0));
+    }
+    stored
+}
+
+/// Whether Σ_r T_r S_r >= 0 at every texel of T, and so at every place between them.
+fn is_positive(spatial: &[Vec<[f32; 3]>], angular: &[Vec<[f32; 3]>]) -> bool {
+    let texels = spatial[0].len();
+    (0..angular[0].len()).all(|k| {
+        (0..texels)
+            .all(|p| (0..3).all(|c| spatial.iter().zip(angular).map(|(t, s)| t[p][c] * s[k][c]).sum::<f32>() >= 0.0))
+    })
+}
+
+/// Largest lobe weight, and largest T or S, that is kept: half floats end at 65504.
+const LARGEST_STORED: f32 = 6e4;
+
+/// Scales the lobes of cells whose micro-area exceeds what can be stored; S takes up the common factor.
+fn limit_weights(lobes: &mut [Vec<VmfLobe>]) {
+    for cell in 0..lobes[0].len() {
+        let largest = lobes.iter().map(|lobes| lobes[cell].weight).fold(0.0, f32::max);
+        if largest > LARGEST_STORED {
+            lobes.iter_mut().for_each(|lobes| lobes[cell].weight *= LARGEST_STORED / largest);
+        }
     }
 }
 

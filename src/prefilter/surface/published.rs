@@ -237,19 +237,14 @@ impl<'a> Published<'a> {
             (0..patches).map(of_patch).collect::<Vec<_>>()
         });
         for k in 0..count * count {
-            let mut means = [[[0.0; 3]; 2]; 2];
-            for patch in 0..patches {
-                let ratio = self.ratio(patch, (k * patches) as u64, pair(k));
-                for (side, estimate) in [ratio.fine, ratio.coarse].into_iter().enumerate() {
-                    let reference = references[side][patch][k];
-                    errors[2 * side].add(estimate, reference);
-                    for c in 0..3 {
-                        means[side][0][c] += estimate[c] / patches as f64;
-                        means[side][1][c] += reference[c] / patches as f64;
-                    }
-                }
+            let ratios = (0..patches).map(|patch| self.ratio(patch, (k * patches) as u64, pair(k)));
+            let estimates: Vec<_> = ratios.map(|ratio| [ratio.fine, ratio.coarse]).collect();
+            for side in 0..2 {
+                let estimate = estimates.iter().map(|of_side| of_side[side]);
+                let reference = references[side].iter().map(|of_patch| of_patch[k]);
+                estimate.clone().zip(reference.clone()).for_each(|(f, exact)| errors[2 * side].add(f, exact));
+                errors[2 * side + 1].add(mean(estimate), mean(reference));
             }
-            (0..2).for_each(|side| errors[2 * side + 1].add(means[side][0], means[side][1]));
         }
         let [fine_patch, fine_mean, coarse_patch, coarse_mean] = errors.map(|e| e.relative());
         PublishedError { fine_patch, fine_mean, coarse_patch, coarse_mean }
@@ -303,6 +298,12 @@ impl Squares {
     fn relative(self) -> f64 {
         (self.error / self.reference).sqrt()
     }
+}
+
+/// Mean over patches, RGB.
+fn mean(of_patches: impl ExactSizeIterator<Item = [f64; 3]>) -> [f64; 3] {
+    let count = of_patches.len() as f64;
+    of_patches.fold([0.0; 3], |sum, f| [0, 1, 2].map(|c| sum[c] + f[c])).map(|sum| sum / count)
 }
 
 /// A normal of the mixture of a cell, drawn in proportion to D, and ∫D dω.
