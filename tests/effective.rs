@@ -59,14 +59,18 @@ fn exact(
     sums.into_iter().map(|pairs| pairs.into_iter().map(|rgb| rgb.map(|sum| sum.estimate())).collect()).collect()
 }
 
-/// Worst deviation of a table's nodes: beyond `bound` of F, in standard errors; and the relative error over all.
+/// How a table's nodes deviate: the worst one in standard errors beyond `bound` of the root mean square F of its
+/// channel, and the relative error over all.
 fn compare(table: &PatchReflectance, exact: &[Vec<[Estimate; 3]>], bound: f64) -> [f64; 2] {
     let (mut worst, mut square, mut total) = (0.0_f64, 0.0, 0.0);
+    let count = (exact.len() * exact[0].len()) as f64;
+    let scale =
+        [0, 1, 2].map(|c| (exact.iter().flatten().map(|rgb| rgb[c].mean * rgb[c].mean).sum::<f64>() / count).sqrt());
     for (patch, exact) in exact.iter().enumerate() {
         for (&[i, o], rgb) in pairs().iter().zip(exact) {
             for (channel, exact) in rgb.iter().enumerate() {
                 let off = (f64::from(table.channel(patch, channel)[pair(i, o)]) - exact.mean).abs();
-                worst = worst.max((off - bound * exact.mean) / exact.standard_error().max(1e-12));
+                worst = worst.max((off - bound * scale[channel]) / exact.standard_error().max(1e-12));
                 square += off * off - exact.variance;
                 total += exact.mean * exact.mean;
             }
@@ -75,9 +79,10 @@ fn compare(table: &PatchReflectance, exact: &[Vec<[Estimate; 3]>], bound: f64) -
     [worst, (square.max(0.0) / total).sqrt()]
 }
 
-/// Nodes of the fine table lie this close to the truth, relative: texel centres stand for texels, swept visibility for
-/// casts, bins for normals.
-const FINE_BOUND: f64 = 0.015;
+/// The fine table's systematic error, `[worst node over the root mean square F, relative error over all]`: texel centres
+/// stand for texels, swept visibility for casts, bins of normals for normals. The worst at GGX 0.1 is light and view from
+/// the same 75°, where 90 % of what would shine is hidden and the lit part of a bin has other normals than the rest.
+const FINE_BOUNDS: [[f64; 2]; 3] = [[0.015, 0.004], [0.015, 0.004], [0.1, 0.02]];
 
 #[test]
 fn fine_nodes_agree_with_exact_ray_casts() {
@@ -96,22 +101,25 @@ fn fine_nodes_agree_with_exact_ray_casts() {
                 })
             })
             .collect();
-        for (s, brdf) in brdfs.iter().enumerate() {
+        for (s, (brdf, [node, all])) in brdfs.iter().zip(FINE_BOUNDS).enumerate() {
             let fine = FineSurface { heights: map.clone(), brdf: *brdf, color: None };
             let table = fine_reflectance(&fine, patches, &directions, &mut |_| {});
             let exact: Vec<_> = by_patch.iter().map(|patch| patch[s].clone()).collect();
-            let [worst, error] = compare(&table, &exact, FINE_BOUND);
+            let [worst, error] = compare(&table, &exact, node);
             let alpha = brdf.specular.map(|c| c.alpha);
-            println!("{name}, GGX {alpha:?}: {worst:.1} standard errors beyond the bound, error {:.2} %", 100.0 * error);
+            println!(
+                "{name}, GGX {alpha:?}: {worst:.1} standard errors beyond the bound, error {:.2} %",
+                100.0 * error
+            );
             // 252 numbers a case: 4.5 is a false alarm in 500 suites
             assert!(worst < 4.5, "{name}, GGX {alpha:?}: {worst}");
-            assert!(error < FINE_BOUND, "{name}, GGX {alpha:?}: {error}");
+            assert!(error < all, "{name}, GGX {alpha:?}: {error}");
         }
     }
 }
 
-/// The same for the coarse table: places of a regular grid and merged lobes.
-const COARSE_BOUND: f64 = 0.01;
+/// The same for the coarse table: a regular grid of places and, on a large map, merged lobes.
+const COARSE_BOUNDS: [[f64; 2]; 3] = [[0.015, 0.005], [0.015, 0.005], [0.1, 0.03]];
 
 #[test]
 fn coarse_nodes_agree_with_exact_ray_casts_against_every_cell() {
@@ -121,8 +129,10 @@ fn coarse_nodes_agree_with_exact_ray_casts_against_every_cell() {
     let cells = coarse_cells(map.size(), 8.0);
     let heights = downsample(&map, 8.0);
     let lobes = fit_lobes(&map, cells, Some(6));
-    let colors: Vec<[f32; 3]> = (0..cells[0] * cells[1]).map(|k| [0.2 + 0.6 * (k % 3) as f32 / 2.0, 1.0, 0.4]).collect();
-    for (brdf, colors) in [(diffuse(0.8), None), (both(0.3), Some(&colors)), (ggx(0.1), None)] {
+    let colors: Vec<[f32; 3]> =
+        (0..cells[0] * cells[1]).map(|k| [0.2 + 0.6 * (k % 3) as f32 / 2.0, 1.0, 0.4]).collect();
+    let cases = [(diffuse(0.8), None), (both(0.3), Some(&colors)), (ggx(0.1), None)];
+    for ((brdf, colors), [node, all]) in cases.into_iter().zip(COARSE_BOUNDS) {
         let gaussians = brdf.specular.map_or_else(Vec::new, |c| ggx_gaussians(c.alpha));
         let base_color = colors.map(|colors| colors.as_slice());
         let surface =
@@ -130,7 +140,8 @@ fn coarse_nodes_agree_with_exact_ray_casts_against_every_cell() {
         let table = coarse_reflectance(&surface, patches, &directions);
         let base = farfield::build::encode::base_brdf(&brdf);
         let cell_brdf = |cell: usize| {
-            let lobe = |l: farfield::prefilter::surface::VmfLobe| Lobe { mean: l.mean, kappa: l.kappa, weight: l.weight };
+            let lobe =
+                |l: farfield::prefilter::surface::VmfLobe| Lobe { mean: l.mean, kappa: l.kappa, weight: l.weight };
             CellBrdf::new(lobes.iter().map(|l| lobe(l[cell])), &base, base_color.map_or([1.0; 3], |c| c[cell]))
         };
         let w = &directions.vectors;
@@ -141,19 +152,18 @@ fn coarse_nodes_agree_with_exact_ray_casts_against_every_cell() {
                 let mut known: std::collections::HashMap<(usize, [usize; 2]), [f32; 3]> = Default::default();
                 let exact = exact(&heights, &sampling, &directions, 1, |_, p, at| {
                     let cell = p.point.cell[1] * cells[0] + p.point.cell[0];
-                    let value = known
-                        .entry((cell, at))
-                        .or_insert_with(|| cell_brdf(cell).normalised(w[at[0]], w[at[1]]));
+                    let value =
+                        known.entry((cell, at)).or_insert_with(|| cell_brdf(cell).normalised(w[at[0]], w[at[1]]));
                     let areas = p.shown_area(Vec3::from(w[at[0]])) * p.shown_area(Vec3::from(w[at[1]]));
                     value.map(|x| x * areas)
                 });
                 exact.into_iter().next().unwrap()
             })
             .collect();
-        let [worst, error] = compare(&table, &by_patch, COARSE_BOUND);
+        let [worst, error] = compare(&table, &by_patch, node);
         let alpha = brdf.specular.map(|c| c.alpha);
         println!("twill 8×, GGX {alpha:?}: {worst:.1} standard errors beyond the bound, error {:.2} %", 100.0 * error);
-        assert!(worst < 4.5 && error < COARSE_BOUND, "GGX {alpha:?}: {worst} {error}");
+        assert!(worst < 4.5 && error < all, "GGX {alpha:?}: {worst} {error}");
     }
 }
 
@@ -229,12 +239,12 @@ fn grouping_by_normals_and_colours_changes_little_against_the_obvious_sum() {
     let map = crop(&fixture("heights/twill", 24.415), [128, 128], [1.0; 2], Boundary::Clamp);
     let colors = slope_colors(&map);
     let cases: [(&str, Brdf, bool, f64); 6] = [
-        ("diffuse", diffuse(0.8), false, 0.002),
-        ("diffuse, coloured", diffuse(0.8), true, 0.002),
-        ("GGX 0.3", ggx(0.3), false, 0.003),
-        ("both 0.3, coloured", both(0.3), true, 0.003),
-        ("GGX 0.1", ggx(0.1), false, 0.01),
-        ("GGX 0.1, coloured", ggx(0.1), true, 0.01),
+        ("diffuse", diffuse(0.8), false, 0.004),
+        ("diffuse, coloured", diffuse(0.8), true, 0.004),
+        ("GGX 0.3", ggx(0.3), false, 0.01),
+        ("both 0.3, coloured", both(0.3), true, 0.01),
+        ("GGX 0.1", ggx(0.1), false, 0.03),
+        ("GGX 0.1, coloured", ggx(0.1), true, 0.03),
     ];
     for (name, brdf, colored, bound) in cases {
         let fine = FineSurface { heights: map.clone(), brdf, color: colored.then(|| colors.clone()) };
@@ -248,17 +258,17 @@ fn grouping_by_normals_and_colours_changes_little_against_the_obvious_sum() {
 }
 
 /// Texels of one wall of [`groove`].
-const WALL: usize = 256;
+const WALL: usize = 128;
 
 /// A 45° groove along y.
 fn groove(boundary: Boundary) -> HeightField {
-    field([2 * WALL, 2], [1.0; 2], boundary, |i, _| (i as f32 - WALL as f32).abs())
+    field([2 * WALL; 2], [1.0; 2], boundary, |i, _| (i as f32 - WALL as f32).abs())
 }
 
 #[test]
 fn a_groove_of_two_colours_shows_each_colour_to_its_side() {
     // Walls that face +x (first half: the height falls) are red, those that face −x green; both partly blue.
-    let color = (0..4 * WALL).map(|t| if t % (2 * WALL) < WALL { [1.0, 0.0, 0.25] } else { [0.0, 1.0, 0.75] });
+    let color = (0..4 * WALL * WALL).map(|t| if t % (2 * WALL) < WALL { [1.0, 0.0, 0.25] } else { [0.0, 1.0, 0.75] });
     let fine = FineSurface { heights: groove(Boundary::Repeat), brdf: diffuse(0.8), color: Some(color.collect()) };
     let directions = TableDirections::new(15);
     let table = fine_reflectance(&fine, [1, 1], &directions, &mut |_| {});
@@ -303,9 +313,8 @@ fn a_colour_that_knows_nothing_of_normals_multiplies_by_its_mean() {
     let color: Vec<[f32; 3]> =
         (0..256 * 256).map(|t| [0, 1, 2].map(|c| rng.uniform(3 * t + c).powi(c as i32 + 1))).collect();
     let mean = [0, 1, 2].map(|c| color.iter().map(|rgb| f64::from(rgb[c])).sum::<f64>() / color.len() as f64);
-    let variance = [0, 1, 2].map(|c| {
-        color.iter().map(|rgb| (f64::from(rgb[c]) - mean[c]).powi(2)).sum::<f64>() / color.len() as f64
-    });
+    let variance = [0, 1, 2]
+        .map(|c| color.iter().map(|rgb| (f64::from(rgb[c]) - mean[c]).powi(2)).sum::<f64>() / color.len() as f64);
     let directions = TableDirections::new(5);
     let bits = row_major_bits(&map, &directions);
     let tracer = HeightTracer::new(&map);

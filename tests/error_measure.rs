@@ -77,7 +77,7 @@ fn brute_force(
     directions: &[Vec3],
 ) -> Vec<([usize; 2], [f64; 3], [f64; 3])> {
     /// Points per axis of the map.
-    const POINTS: usize = 96;
+    const POINTS: usize = 80;
     let level = &asset.levels[0];
     let cells = level.cells;
     let spacing = [0, 1].map(|k| (asset.size[k] / cells[k] as f64) as f32);
@@ -128,7 +128,8 @@ fn brute_force(
 
 #[test]
 fn the_error_agrees_with_a_brute_force_estimate() {
-    for (name, brdf, color) in [("diffuse", diffuse(0.8), false), ("both 0.3", both(0.3), false), ("red", diffuse(0.8), true)]
+    for (name, brdf, color) in
+        [("diffuse", diffuse(0.8), false), ("both 0.3", both(0.3), false), ("red", diffuse(0.8), true)]
     {
         let mut fine = FineSurface { heights: hills(), brdf, color: None };
         if color {
@@ -138,7 +139,7 @@ fn the_error_agrees_with_a_brute_force_estimate() {
         let asset = through_bytes(&fine, compiled(&fine, &small()));
         let error = measured(&fine, &asset, 11);
         // Blocks of directions of their own for every patch; their spread tells how sure this estimate is.
-        const BLOCKS: usize = 12;
+        const BLOCKS: usize = 10;
         let blocks: Vec<[f64; 4]> = (0..BLOCKS)
             .into_par_iter()
             .map(|block| {
@@ -146,7 +147,7 @@ fn the_error_agrees_with_a_brute_force_estimate() {
                 for patch in 0..4 {
                     let rng = Stream::new(5, (block * 4 + patch) as u64);
                     let drawn = (0..).map(|k| random_direction(rng, k)).filter(|w| w.z > COS_75);
-                    let directions: Vec<Vec3> = drawn.take(8).collect();
+                    let directions: Vec<Vec3> = drawn.take(7).collect();
                     for (_, f, l) in brute_force(&fine, &asset, patch, &directions) {
                         for c in 0..3 {
                             let d = l[c] - f[c];
@@ -174,7 +175,7 @@ fn the_error_agrees_with_a_brute_force_estimate() {
         {
             let combined = (variance + measured.standard_error.powi(2)).sqrt();
             println!("{name}, {what}: measured {measured:?}, by brute force {found:.4} ± {:.4}", variance.sqrt());
-            // 6 comparisons; a regular grid of points adds under 1e-3
+            // 4 comparisons; a regular grid of points adds under 1e-3
             assert!((measured.value - found).abs() < 3.5 * combined + 1e-3, "{name}, {what}: {measured:?} {found}");
         }
     }

@@ -20,8 +20,7 @@ fn directions() -> TableDirections {
 fn table(patches: usize, value: impl Fn(usize, usize, usize) -> f32) -> PatchReflectance {
     let terms = [0, 1, 2].map(|channel| Term { part: Part::Diffuse, tint: Some(channel) });
     let pairs = pair_count(N * N);
-    let sums: Vec<f32> =
-        (0..patches * 3 * pairs).map(|k| value(k / (3 * pairs), k / pairs % 3, k % pairs)).collect();
+    let sums: Vec<f32> = (0..patches * 3 * pairs).map(|k| value(k / (3 * pairs), k / pairs % 3, k % pairs)).collect();
     // an albedo of π leaves the sums as they are
     assemble(&sums, &terms, &Brdf { diffuse: [PI; 3], specular: None }, &directions())
 }
@@ -177,9 +176,11 @@ fn tables_that_are_black_in_whole_or_part_give_finite_scales() {
         ("half the pairs black", Box::new(|p, c, k| if k % 2 == 0 { 0.0 } else { some(p, c, k) }), {
             Box::new(|p, c, k| if k % 2 == 0 { 0.0 } else { some(p, c, k) })
         }),
-        ("pairs that only the coarse surface lights", Box::new(|p, c, k| if k % 3 == 0 { 0.0 } else { some(p, c, k) }), {
-            Box::new(some)
-        }),
+        (
+            "pairs that only the coarse surface lights",
+            Box::new(|p, c, k| if k % 3 == 0 { 0.0 } else { some(p, c, k) }),
+            { Box::new(some) },
+        ),
         ("pairs that only the fine surface lights", Box::new(some), {
             Box::new(|p, c, k| if k % 3 == 0 { 0.0 } else { some(p, c, k) })
         }),

@@ -52,6 +52,7 @@ fn the_scaling_over_the_plane_is_one_and_its_heights_are_kept() {
 
 #[test]
 fn a_plane_is_its_base_brdf_at_the_nodes() {
+    let mut missed = Vec::new();
     for (name, brdf, _) in bases() {
         let (fine, asset) = plane(brdf, Boundary::Repeat);
         let directions: Vec<Vec3> = formats::lookup::direction_grid(15).into_iter().map(Vec3::from).collect();
@@ -69,13 +70,16 @@ fn a_plane_is_its_base_brdf_at_the_nodes() {
             }
         }
         println!("{name}: worst node {:.3} %, below 75° {:.3} %", 100.0 * worst.0, 100.0 * worst_below.0);
-        assert!(worst_below.0 < 0.002, "{name}: {worst_below:?}");
-        assert!(worst.0 < 0.002, "{name}: {worst:?}");
+        if worst.0 >= 0.002 {
+            missed.push((name, worst, worst_below));
+        }
     }
+    assert!(missed.is_empty(), "more than 0.2 % off at a node: {missed:?}");
 }
 
 #[test]
 fn a_plane_is_its_base_brdf_between_the_nodes() {
+    let mut missed = Vec::new();
     for (name, brdf, bound) in bases() {
         let (fine, asset) = plane(brdf, Boundary::Repeat);
         let rng = Stream::new(31, 0);
@@ -94,6 +98,9 @@ fn a_plane_is_its_base_brdf_between_the_nodes() {
         }
         let error = (square / total).sqrt();
         println!("{name}: {count} pairs, worst {:.2} %, error {:.2} %", 100.0 * worst, 100.0 * error);
-        assert!(worst < bound, "{name}: {worst}");
+        if worst >= bound {
+            missed.push((name, worst, bound));
+        }
     }
+    assert!(missed.is_empty(), "too far off between the nodes: {missed:?}");
 }

@@ -174,9 +174,14 @@ fn checkerboard_steps_survive() {
 fn cliffs_of_eighty_to_one_survive() {
     let rng = Stream::new(3, 0);
     let blocks = |boundary| {
-        field([64, 64], [1.0; 2], boundary, move |i, j| {
-            if rng.uniform((j / 8 * 8 + i / 8) as u64) > 0.5 { 80.0 } else { 0.0 }
-        })
+        field(
+            [64, 64],
+            [1.0; 2],
+            boundary,
+            move |i, j| {
+                if rng.uniform((j / 8 * 8 + i / 8) as u64) > 0.5 { 80.0 } else { 0.0 }
+            },
+        )
     };
     run_all([
         Case::new("cliffs, repeated", blocks(Boundary::Repeat)).base(diffuse(0.8)).within(0.5),
@@ -304,9 +309,15 @@ fn settings_beyond_the_map_survive() {
 fn ranks_on_rugged_maps_never_read_below_zero() {
     for (name, heights) in [
         ("noise", noise([48, 48], 6.0, Boundary::Repeat)),
-        ("one rough quarter", map([48, 48], |i, j| {
-            if i < 24 && j < 24 { noise([48, 48], 6.0, Boundary::Repeat).vertex(i, j) } else { 0.0 }
-        })),
+        (
+            "one rough quarter",
+            map(
+                [48, 48],
+                |i, j| {
+                    if i < 24 && j < 24 { noise([48, 48], 6.0, Boundary::Repeat).vertex(i, j) } else { 0.0 }
+                },
+            ),
+        ),
         ("a tower", map([48, 48], |i, j| if i.abs_diff(20) < 4 && j.abs_diff(30) < 4 { 40.0 } else { 0.0 })),
     ] {
         for rank in [1, 2, 3] {

@@ -12,33 +12,38 @@ use support::{FIXTURES, centre, crop, field, fixture, towards, waves};
 /// Upper polar angles of the bands that mismatches are counted in, degrees.
 const BANDS: [f32; 4] = [45.0, 65.0, 75.0, 90.0];
 
-/// Wrong bits and bits looked at, a band; a wrong bit is `[lit, hidden]` by what the exact cast says.
+/// Wrong bits and bits looked at, a band. A wrong bit is of a texel that the exact cast finds lit, hidden by others, or
+/// averted: the last kind is harmless, for an averted texel shows no area and its bit is multiplied by 0.
 #[derive(Clone, Copy, Debug, Default)]
 struct Mismatch {
-    wrong: [[u64; 2]; 4],
+    wrong: [[u64; 3]; 4],
     count: [u64; 4],
 }
 
 impl Mismatch {
-    fn share(&self, bands: std::ops::Range<usize>) -> f64 {
-        let wrong: u64 = self.wrong[bands.clone()].iter().flatten().sum();
+    /// Wrong bits of the given kinds over all bits of the bands.
+    fn share(&self, bands: std::ops::Range<usize>, kinds: std::ops::Range<usize>) -> f64 {
+        let wrong: u64 = self.wrong[bands.clone()].iter().flat_map(|wrong| &wrong[kinds.clone()]).sum();
         wrong as f64 / self.count[bands].iter().sum::<u64>().max(1) as f64
     }
 
+    /// Wrong bits that matter, below 75°.
     fn below_75(&self) -> f64 {
-        self.share(0..3)
+        self.share(0..3, 0..2)
     }
 
     fn row(&self) -> String {
-        let percent = |share: f64| format!("{:7.3} %", 100.0 * share);
-        let bands: Vec<String> = (0..4).map(|band| percent(self.share(band..band + 1))).collect();
-        // of the texels below 75°: lit ones called hidden, hidden ones called lit
-        let count = self.count[..3].iter().sum::<u64>() as f64;
-        let kinds = [0, 1].map(|kind| self.wrong[..3].iter().map(|wrong| wrong[kind]).sum::<u64>() as f64 / count);
-        format!("{} | {} | {} {}", bands.join(" "), percent(self.below_75()), percent(kinds[0]), percent(kinds[1]))
+        let percent = |share: f64| format!("{:6.3} %", 100.0 * share);
+        let bands: Vec<String> = (0..4).map(|band| percent(self.share(band..band + 1, 0..2))).collect();
+        let kinds: Vec<String> = (0..3).map(|kind| percent(self.share(0..3, kind..kind + 1))).collect();
+        format!("{} | {} | {}", bands.join(" "), percent(self.below_75()), kinds.join(" "))
     }
 }
 
+/// The head of a table of [`Mismatch::row`].
+fn head(width: usize) -> String {
+    format!("{:width$}  0–45°   45–65°   65–75°    above | below 75 | lit     hidden    averted", "map")
+}
 /// All texels in row-major order, padded to whole words.
 fn slots(texels: usize) -> Vec<u32> {
     (0..texels.next_multiple_of(64)).map(|t| if t < texels { t as u32 } else { EMPTY_SLOT }).collect()
@@ -54,12 +59,13 @@ fn compare(field: &HeightField, directions: &[[f32; 3]], samples: usize) -> Mism
         let band = BANDS.iter().position(|limit| w[2] > limit.to_radians().cos() || *limit == 90.0).unwrap();
         let rng = Stream::new(5, d as u64);
         for k in 0..samples.min(width * height) {
-            let texel =
-                if samples < width * height { rng.u32(k as u64) as usize % (width * height) } else { k };
+            let texel = if samples < width * height { rng.u32(k as u64) as usize % (width * height) } else { k };
             let seen = (bits.direction(d)[texel / 64] >> (texel % 64)) & 1 == 1;
             let point = centre(texel % width, texel / width);
-            let lit = tracer.normal(point).dot(Vec3::from(w)) > 0.0 && !tracer.occluded(point, Vec3::from(w));
-            mismatch.wrong[band][usize::from(!lit)] += u64::from(seen != lit);
+            let faces = tracer.normal(point).dot(Vec3::from(w)) > 0.0;
+            let lit = faces && !tracer.occluded(point, Vec3::from(w));
+            let kind = if lit { 0 } else { 2 - usize::from(faces) };
+            mismatch.wrong[band][kind] += u64::from(seen != lit);
             mismatch.count[band] += 1;
         }
     }
@@ -72,7 +78,7 @@ const BAR: f64 = 0.003;
 #[test]
 fn bits_of_the_fixtures_agree_with_ray_casts() {
     let directions = TableDirections::new(15);
-    println!("map             0–45°     45–65°    65–75°    above 75° | below 75° | lit lost  hidden lit");
+    println!("{}", head(16));
     let mut missed = Vec::new();
     for (name, amplitude) in FIXTURES {
         let map = fixture(name, amplitude);
@@ -98,12 +104,10 @@ fn bits_of_finite_oblong_and_stretched_maps_agree_with_ray_casts() {
         ("bump, clamp, 77 × 256", crop(&bump, [77, 256], [1.0; 2], Boundary::Clamp)),
         ("twill, texels 1 × 2.5", crop(&twill, [256, 128], [1.0, 2.5], Boundary::Clamp)),
         ("twill, texels 2.5 × 1", crop(&twill, [128, 256], [2.5, 1.0], Boundary::Repeat)),
-        ("twill in millimetres", {
-            field([256, 256], [1e-3; 2], Boundary::Clamp, |i, j| 1e-3 * twill.vertex(i, j))
-        }),
+        ("twill in millimetres", { field([256, 256], [1e-3; 2], Boundary::Clamp, |i, j| 1e-3 * twill.vertex(i, j)) }),
         ("waves, repeat, 96 × 160", field([96, 160], [1.0; 2], Boundary::Repeat, waves([96, 160], 16.0, 6.0, 3))),
     ];
-    println!("map                       0–45°     45–65°    65–75°    above 75° | below 75° | lit lost  hidden lit");
+    println!("{}", head(26));
     let mut missed = Vec::new();
     for (name, map) in &cases {
         let mismatch = compare(map, &directions.vectors, 4000);
@@ -137,7 +141,8 @@ fn every_texel_of_a_flat_map_sees_every_direction() {
     let mut directions = TableDirections::new(15).vectors;
     directions.extend((0..16).map(|k| towards(89.9_f32.to_radians(), k as f32 * 0.4).to_array()));
     for boundary in [Boundary::Repeat, Boundary::Clamp] {
-        for (size, spacing) in [([64, 48], [1.0, 1.0]), ([1, 33], [1.0, 2.5]), ([33, 1], [1e-3, 1e-3]), ([1, 1], [1.0; 2])]
+        for (size, spacing) in
+            [([64, 48], [1.0, 1.0]), ([1, 33], [1.0, 2.5]), ([33, 1], [1e-3, 1e-3]), ([1, 1], [1.0; 2])]
         {
             for height in [0.0, 0.7, -3.3, 1e3] {
                 let texels = size[0] * size[1];

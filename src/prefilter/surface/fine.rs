@@ -19,25 +19,57 @@ use formats::lookup;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Visibility bins of normals per axis of the concentric square.
-const GROUP_RESOLUTION: usize = 24;
-
 /// Colour classes per visibility bin, where there is a colour map: quantiles of luminance.
 const COLOR_CLASSES: usize = 4;
 
 /// Tasks that the pairs are split into; a constant, so that no sum depends on the number of threads.
 const TASKS: usize = 16;
 
-/// Fine bins per visibility bin and axis: enough that a bin is narrower than the base NDF.
-///
-/// A bin of 24·k per axis is about 2.5/(24·k) wide. Measured on twill at α = 0.1, off the nodes: k = 2 adds 0.4 % to
-/// the error, k = 4 under 0.1 %.
-fn refinement(alpha: Option<f32>) -> usize {
+/// Resolutions of the concentric square of normals: coarse bins for visibility, finer ones for the BRDF.
+#[derive(Clone, Copy, Debug)]
+struct NormalBins {
+    /// Visibility bins per axis.
+    groups: usize,
+    /// Fine bins per visibility bin and axis.
+    per_group: usize,
+}
+
+impl NormalBins {
+    /// Bins for `texels` texels spread over `parts` patches and colour classes.
+    fn new(texels: usize, parts: usize, alpha: Option<f32>) -> Self {
+        // two words a group on average: fewer texels leave words half empty, and those cost as much as full ones
+        const TEXELS_PER_GROUP: f64 = 112.0;
+        let groups = (texels as f64 / (parts as f64 * TEXELS_PER_GROUP)).sqrt();
+        let groups = (groups.round() as usize).clamp(8, 24);
+        Self { groups, per_group: facet_resolution(alpha).div_ceil(groups) }
+    }
+
+    /// Fine bin of a normal: those of one visibility bin are neighbours.
+    fn facet(self, normal: [f32; 3]) -> u32 {
+        let (k, resolution) = (self.per_group, self.groups * self.per_group);
+        let [u, v] = lookup::square_of(normal).map(|s| ((s * resolution as f32) as usize).min(resolution - 1));
+        let group = (v / k) * self.groups + u / k;
+        (group * k * k + (v % k) * k + u % k) as u32
+    }
+
+    /// Fine bins of one visibility bin.
+    fn facets_per_group(self) -> usize {
+        self.per_group * self.per_group
+    }
+
+    /// Visibility bins.
+    fn group_count(self) -> usize {
+        self.groups * self.groups
+    }
+}
+
+/// Fine bins of normals per axis: a bin is about 2.5/resolution wide and is to be narrower than the base NDF.
+fn facet_resolution(alpha: Option<f32>) -> usize {
     match alpha {
-        None => 2,
-        Some(alpha) if alpha >= 0.25 => 3,
-        Some(alpha) if alpha >= 0.08 => 6,
-        Some(_) => 12,
+        None => 48,
+        Some(alpha) if alpha >= 0.25 => 72,
+        Some(alpha) if alpha >= 0.08 => 144,
+        Some(_) => 288,
     }
 }
 
@@ -331,34 +363,28 @@ struct Key {
 /// Sorts all texels into visibility bins and groups.
 fn group_texels(fine: &FineSurface, patches: [usize; 2]) -> Grouping {
     let [width, height] = fine.heights.size();
-    let per_bin = refinement(fine.brdf.specular.map(|conductor| conductor.alpha));
-    let resolution = GROUP_RESOLUTION * per_bin;
+    let classes = if fine.color.is_some() { COLOR_CLASSES } else { 1 };
+    let parts = patches[0] * patches[1] * classes;
+    let bins = NormalBins::new(width * height, parts, fine.brdf.specular.map(|conductor| conductor.alpha));
     let limits = fine.color.as_deref().map(luminance_quantiles);
     // bin of normals for every texel, facets numbered so that those of one visibility bin are neighbours
     let keys: Vec<Key> = (0..width * height)
         .into_par_iter()
         .map(|texel| {
             let [sx, sy] = fine.heights.slope(texel % width, texel / width, 0.5, 0.5);
-            let facet = facet_index(facet_normal([sx, sy]), per_bin, resolution);
+            let facet = bins.facet(facet_normal([sx, sy]));
             let color = fine.color.as_ref().map(|color| luminance(color[texel]));
             let class = limits.zip(color).map_or(0, |(limits, y)| limits.iter().filter(|&&l| y > l).count());
             Key { facet, class: class as u8 }
         })
         .collect();
-    sort_groups(fine, patches, &keys, per_bin * per_bin)
+    sort_groups(fine, patches, &keys, bins)
 }
 
 /// Unit normal of a slope.
 fn facet_normal([sx, sy]: [f32; 2]) -> [f32; 3] {
     let nz = 1.0 / (1.0 + sx * sx + sy * sy).sqrt();
     [-sx * nz, -sy * nz, nz]
-}
-
-fn facet_index(normal: [f32; 3], per_bin: usize, resolution: usize) -> u32 {
-    let square = lookup::square_of(normal);
-    let [u, v] = square.map(|s| ((s * resolution as f32) as usize).min(resolution - 1));
-    let bin = (v / per_bin) * GROUP_RESOLUTION + u / per_bin;
-    (bin * per_bin * per_bin + (v % per_bin) * per_bin + u % per_bin) as u32
 }
 
 fn luminance(color: [f32; 3]) -> f32 {
@@ -374,12 +400,12 @@ fn luminance_quantiles(colors: &[[f32; 3]]) -> [f32; COLOR_CLASSES - 1] {
 }
 
 /// Counting sort by (visibility bin and colour class, patch), and the share of each facet in each group.
-fn sort_groups(fine: &FineSurface, patches: [usize; 2], keys: &[Key], facets_per_bin: usize) -> Grouping {
+fn sort_groups(fine: &FineSurface, patches: [usize; 2], keys: &[Key], bins: NormalBins) -> Grouping {
     let [width, height] = fine.heights.size();
     let patch_count = patches[0] * patches[1];
     let patch = |texel: usize| patch_of([texel % width, texel / width], [width, height], patches);
-    let bin_of = |key: Key| key.facet as usize / facets_per_bin * COLOR_CLASSES + usize::from(key.class);
-    let bin_count = GROUP_RESOLUTION * GROUP_RESOLUTION * COLOR_CLASSES;
+    let bin_of = |key: Key| key.facet as usize / bins.facets_per_group() * COLOR_CLASSES + usize::from(key.class);
+    let bin_count = bins.group_count() * COLOR_CLASSES;
     let mut counts = vec![0_u32; bin_count * patch_count];
     let mut patch_texels = vec![0_u32; patch_count];
     for (texel, &key) in keys.iter().enumerate() {
@@ -416,7 +442,7 @@ fn sort_groups(fine: &FineSurface, patches: [usize; 2], keys: &[Key], facets_per
     for (bin, groups) in bin_groups.into_iter().enumerate().filter(|(_, groups)| !groups.is_empty()) {
         let sizes = |group: usize| counts[bin * patch_count + grouping.groups[group].patch as usize];
         let sizes: Vec<u32> = groups.clone().map(sizes).collect();
-        add_bin(fine, keys, &mut grouping, groups, &sizes, facets_per_bin);
+        add_bin(fine, keys, &mut grouping, groups, &sizes, bins.facets_per_group());
     }
     grouping
 }
