@@ -85,6 +85,13 @@ impl ShadowSweep {
     ///
     /// `mask` has one byte a texel, in the order that the returned orientation tells.
     pub fn mask(&self, w: [f32; 3], mask: &mut [u8]) -> Orientation {
+        let (kernel, orientation) = self.kernel(w, mask);
+        simd::run(kernel);
+        orientation
+    }
+
+    /// The work of [`ShadowSweep::mask`], for whoever wants to choose how it runs.
+    pub fn kernel<'a>(&'a self, w: [f32; 3], mask: &'a mut [u8]) -> (impl simd::Kernel<Output = ()>, Orientation) {
         // towards the light, in texels of u and v per metre of path; v runs down while y runs up
         let [u, v] = [w[0] / self.spacing[0], -w[1] / self.spacing[1]];
         let (rows, along, across, orientation) = if v.abs() >= u.abs() {
@@ -98,8 +105,7 @@ impl ShadowSweep {
             rise: if along == 0.0 { 1e30 } else { w[2] / along.abs() },
             light_at_end: along > 0.0,
         };
-        simd::run(Sweep { rows, march, height_range: self.height_range, mask });
-        orientation
+        (Sweep { rows, march, height_range: self.height_range, mask }, orientation)
     }
 }
 
