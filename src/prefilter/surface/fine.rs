@@ -86,11 +86,35 @@ struct Share {
     color: [f32; 3],
 }
 
-/// Texels of one patch in one visibility bin: whole words of the visibility bits.
+/// Texels of one patch in one visibility bin, a piece a tile.
 #[derive(Clone, Debug)]
 struct Group {
     patch: u32,
-    words: Range<u32>,
+    pieces: Vec<Piece>,
+}
+
+/// Texels of a group in one tile: whole words of the visibility bits from a multiple of 64 slots on.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    first_slot: u32,
+    texels: u32,
+}
+
+impl Piece {
+    fn words(self) -> Range<usize> {
+        let first = self.first_slot as usize / 64;
+        first..first + self.texels.div_ceil(64) as usize
+    }
+
+    fn slots(self) -> Range<usize> {
+        self.first_slot as usize..(self.first_slot + self.texels) as usize
+    }
+}
+
+impl Group {
+    fn word_count(&self) -> usize {
+        self.pieces.iter().map(|piece| piece.words().len()).sum()
+    }
 }
 
 /// Groups, facets and shares of one visibility bin, as ranges.
@@ -140,13 +164,13 @@ fn sum_terms(
 ) -> Vec<f32> {
     let patches = grouping.patch_texels.len();
     let ranges = row_ranges(directions.len(), TASKS);
-    let parts: Vec<Vec<f32>> = ranges
+    let parts: Vec<Vec<f64>> = ranges
         .par_iter()
         .map(|rows| {
             let alpha = fine.brdf.specular.map_or(1.0, |conductor| conductor.alpha);
             let first = pair_count(rows.start);
             let len = pair_count(rows.end) - first;
-            let mut sums = vec![0.0; patches * terms.len() * len];
+            let mut sums = vec![0.0_f64; patches * terms.len() * len];
             let task = RowSums { grouping, bits, directions, terms, alpha, rows: rows.clone(), first, len };
             simd::run(RowKernel { task: &task, sums: &mut sums });
             sums
@@ -158,9 +182,9 @@ fn sum_terms(
         let first = pair_count(rows.start);
         let len = pair_count(rows.end) - first;
         for (k, line) in part.chunks(len).enumerate() {
-            let scale = 1.0 / grouping.patch_texels[k / terms.len()] as f32;
+            let scale = 1.0 / f64::from(grouping.patch_texels[k / terms.len()]);
             for (to, from) in all[k * pairs + first..][..len].iter_mut().zip(line) {
-                *to = from * scale;
+                *to = (from * scale) as f32;
             }
         }
     }
@@ -181,7 +205,7 @@ struct RowSums<'a> {
 
 struct RowKernel<'a> {
     task: &'a RowSums<'a>,
-    sums: &'a mut [f32],
+    sums: &'a mut [f64],
 }
 
 impl simd::Kernel for RowKernel<'_> {
@@ -217,7 +241,8 @@ struct Scratch {
     /// `[direction][word of the bin]`
     words: Vec<u64>,
     word_count: usize,
-    word_first: usize,
+    /// Where each group's words end.
+    ends: Vec<usize>,
     /// `[facet][direction]`: visible area per base area, clamped; cosine; Smith's √(α² + (1 − α²)cos²).
     area: Vec<f32>,
     cosine: Vec<f32>,
@@ -234,11 +259,18 @@ impl Scratch {
     #[inline(always)]
     fn load(&mut self, task: &RowSums<'_>, bin: &Bin) {
         let groups = &task.grouping.groups[bin.groups.clone()];
-        let (first, last) = (groups[0].words.start as usize, groups[groups.len() - 1].words.end as usize);
-        (self.word_first, self.word_count) = (first, last - first);
+        self.ends.clear();
+        let word_count = groups.iter().fold(0, |end, group| {
+            self.ends.push(end + group.word_count());
+            end + group.word_count()
+        });
+        self.word_count = word_count;
         self.words.clear();
         for direction in 0..task.rows.end {
-            self.words.extend_from_slice(&task.bits.direction(direction)[first..last]);
+            let words = task.bits.direction(direction);
+            for piece in groups.iter().flat_map(|group| &group.pieces) {
+                self.words.extend_from_slice(&words[piece.words()]);
+            }
         }
         let n = task.rows.end;
         let [x, y, z] = &task.directions.xyz;
@@ -323,14 +355,13 @@ impl Scratch {
 
     /// Adds row i: weights times the number of texels that see both directions.
     #[inline(always)]
-    fn accumulate(&mut self, task: &RowSums<'_>, bin: &Bin, i: usize, sums: &mut [f32]) {
+    fn accumulate(&mut self, task: &RowSums<'_>, bin: &Bin, i: usize, sums: &mut [f64]) {
         let n = task.rows.end;
         let len = i + 1;
         let stride = self.word_count;
         let at = pair(i, 0) - task.first;
         for (g, group) in task.grouping.groups[bin.groups.clone()].iter().enumerate() {
-            let (first, last) =
-                (group.words.start as usize - self.word_first, group.words.end as usize - self.word_first);
+            let (first, last) = (if g == 0 { 0 } else { self.ends[g - 1] }, self.ends[g]);
             let own = &self.words[i * stride..][first..last];
             if own.iter().all(|&word| word == 0) {
                 continue;
@@ -343,7 +374,7 @@ impl Scratch {
                 let weights = &self.weights[(g * task.terms.len() + t) * n..][..len];
                 let out = &mut sums[(group.patch as usize * task.terms.len() + t) * task.len + at..][..len];
                 for ((out, w), count) in out.iter_mut().zip(weights).zip(&self.count) {
-                    *out += w * count;
+                    *out += f64::from(w * count);
                 }
             }
         }
@@ -361,7 +392,8 @@ struct Key {
 fn group_texels(fine: &FineSurface, patches: [usize; 2]) -> Grouping {
     let [width, height] = fine.heights.size();
     let classes = if fine.color.is_some() { COLOR_CLASSES } else { 1 };
-    let parts = patches[0] * patches[1] * classes;
+    let tiles = Tiles::new([width, height], patches);
+    let parts = tiles.count() * classes;
     let bins = NormalBins::new(width * height, parts, fine.brdf.specular.map(|conductor| conductor.alpha));
     let limits = fine.color.as_deref().map(luminance_quantiles);
     // bin of normals for every texel, facets numbered so that those of one visibility bin are neighbours
@@ -375,7 +407,7 @@ fn group_texels(fine: &FineSurface, patches: [usize; 2]) -> Grouping {
             Key { facet, class: class as u8 }
         })
         .collect();
-    sort_groups(fine, patches, &keys, bins)
+    sort_groups(fine, tiles, &keys, bins)
 }
 
 /// Unit normal of a slope.
@@ -396,50 +428,91 @@ fn luminance_quantiles(colors: &[[f32; 3]]) -> [f32; COLOR_CLASSES - 1] {
     std::array::from_fn(|k| values[(k + 1) * values.len() / COLOR_CLASSES])
 }
 
-/// Counting sort by (visibility bin and colour class, patch), and the share of each facet in each group.
-fn sort_groups(fine: &FineSurface, patches: [usize; 2], keys: &[Key], bins: NormalBins) -> Grouping {
-    let [width, height] = fine.heights.size();
-    let patch_count = patches[0] * patches[1];
-    let patch = |texel: usize| patch_of([texel % width, texel / width], [width, height], patches);
-    let bin_of = |key: Key| key.facet as usize / bins.facets_per_group() * COLOR_CLASSES + usize::from(key.class);
-    let bin_count = bins.group_count() * COLOR_CLASSES;
-    let mut counts = vec![0_u32; bin_count * patch_count];
-    let mut patch_texels = vec![0_u32; patch_count];
-    for (texel, &key) in keys.iter().enumerate() {
-        let patch = patch(texel);
-        counts[bin_of(key) * patch_count + patch] += 1;
-        patch_texels[patch] += 1;
+/// Texels per axis of a tile, at most: the masks of a tile's texels stay in a cache while its slots are gathered.
+const TILE: usize = 256;
+
+/// Parts of the map that are grouped apart: patches, cut into tiles of at most [`TILE`]² texels.
+#[derive(Clone, Copy, Debug)]
+struct Tiles {
+    size: [usize; 2],
+    patches: [usize; 2],
+    /// Tiles a patch along u and v.
+    cuts: [usize; 2],
+}
+
+impl Tiles {
+    fn new(size: [usize; 2], patches: [usize; 2]) -> Self {
+        Self { size, patches, cuts: [0, 1].map(|axis| size[axis].div_ceil(patches[axis] * TILE)) }
     }
-    let mut grouping = Grouping { patch_texels, ..Grouping::default() };
-    let mut next = vec![0_usize; counts.len()];
-    let mut group_of = vec![u32::MAX; counts.len()];
+
+    fn grid(self) -> [usize; 2] {
+        [0, 1].map(|axis| self.patches[axis] * self.cuts[axis])
+    }
+
+    fn count(self) -> usize {
+        self.grid()[0] * self.grid()[1]
+    }
+
+    fn of_texel(self, texel: usize) -> usize {
+        patch_of([texel % self.size[0], texel / self.size[0]], self.size, self.grid())
+    }
+
+    fn patch(self, tile: usize) -> usize {
+        let width = self.grid()[0];
+        tile / width / self.cuts[1] * self.patches[0] + tile % width / self.cuts[0]
+    }
+
+    fn of_patch(self, patch: usize) -> impl Iterator<Item = usize> {
+        let (width, [cut_u, cut_v]) = (self.grid()[0], self.cuts);
+        let [u, v] = [patch % self.patches[0] * cut_u, patch / self.patches[0] * cut_v];
+        (0..cut_u * cut_v).map(move |k| (v + k / cut_u) * width + u + k % cut_u)
+    }
+}
+
+/// Counting sort of the texels by (tile, visibility bin and colour class), and the share of each facet in each group.
+fn sort_groups(fine: &FineSurface, tiles: Tiles, keys: &[Key], bins: NormalBins) -> Grouping {
+    let bin_of = |key: Key| key.facet as usize / bins.facets_per_group() * COLOR_CLASSES + usize::from(key.class);
+    let (bin_count, tile_count) = (bins.group_count() * COLOR_CLASSES, tiles.count());
+    let mut counts = vec![0_u32; bin_count * tile_count];
+    let mut patch_texels = vec![0_u32; tiles.patches[0] * tiles.patches[1]];
+    for (texel, &key) in keys.iter().enumerate() {
+        let tile = tiles.of_texel(texel);
+        counts[tile * bin_count + bin_of(key)] += 1;
+        patch_texels[tiles.patch(tile)] += 1;
+    }
+    // slots tile by tile, each group in words of its own
+    let mut next: Vec<usize> = Vec::with_capacity(counts.len());
     let mut slot_count = 0;
-    let mut bin_groups = vec![0..0; bin_count];
-    for (bin, groups) in bin_groups.iter_mut().enumerate() {
+    for &count in &counts {
+        next.push(slot_count);
+        slot_count += (count as usize).next_multiple_of(64);
+    }
+    let first_slots = next.clone();
+    let mut grouping = Grouping { patch_texels, slots: vec![EMPTY_SLOT; slot_count], ..Grouping::default() };
+    for (texel, &key) in keys.iter().enumerate() {
+        let slot = &mut next[tiles.of_texel(texel) * bin_count + bin_of(key)];
+        grouping.slots[*slot] = texel as u32;
+        *slot += 1;
+    }
+    for bin in 0..bin_count {
         let first = grouping.groups.len();
-        for patch in 0..patch_count {
-            let at = bin * patch_count + patch;
-            if counts[at] > 0 {
-                next[at] = slot_count;
-                group_of[at] = grouping.groups.len() as u32;
-                let words = counts[at].div_ceil(64);
-                let start = (slot_count / 64) as u32;
-                grouping.groups.push(Group { patch: patch as u32, words: start..start + words });
-                slot_count += words as usize * 64;
+        let mut sizes: Vec<u32> = Vec::new();
+        for patch in 0..tiles.patches[0] * tiles.patches[1] {
+            let mut pieces = Vec::new();
+            let mut size = 0;
+            for at in tiles.of_patch(patch).map(|tile| tile * bin_count + bin).filter(|&at| counts[at] > 0) {
+                pieces.push(Piece { first_slot: first_slots[at] as u32, texels: counts[at] });
+                size += counts[at];
+            }
+            if size > 0 {
+                grouping.groups.push(Group { patch: patch as u32, pieces });
+                sizes.push(size);
             }
         }
-        *groups = first..grouping.groups.len();
-    }
-    grouping.slots = vec![EMPTY_SLOT; slot_count];
-    for (texel, &key) in keys.iter().enumerate() {
-        let at = bin_of(key) * patch_count + patch(texel);
-        grouping.slots[next[at]] = texel as u32;
-        next[at] += 1;
-    }
-    for (bin, groups) in bin_groups.into_iter().enumerate().filter(|(_, groups)| !groups.is_empty()) {
-        let sizes = |group: usize| counts[bin * patch_count + grouping.groups[group].patch as usize];
-        let sizes: Vec<u32> = groups.clone().map(sizes).collect();
-        add_bin(fine, keys, &mut grouping, groups, &sizes, bins.facets_per_group());
+        if !sizes.is_empty() {
+            let groups = first..grouping.groups.len();
+            add_bin(fine, keys, &mut grouping, groups, &sizes, bins.facets_per_group());
+        }
     }
     grouping
 }
@@ -462,8 +535,7 @@ fn add_bin(
     let mut sums = vec![Sum::default(); facets_per_bin * sizes.len()];
     let mut slopes = vec![([0.0_f64; 2], 0_u32); facets_per_bin];
     for (k, group) in groups.clone().enumerate() {
-        let first = grouping.groups[group].words.start as usize * 64;
-        for &texel in &grouping.slots[first..first + sizes[k] as usize] {
+        for &texel in grouping.groups[group].pieces.iter().flat_map(|piece| &grouping.slots[piece.slots()]) {
             let texel = texel as usize;
             let facet = keys[texel].facet as usize % facets_per_bin;
             let slope = fine.heights.slope(texel % width, texel / width, 0.5, 0.5);
