@@ -152,7 +152,8 @@ fn main() {
         );
         let exact = reference(tracers, &brdf, &lobes, &table, &nodes);
         let gaussians = brdf.specular.map_or_else(Vec::new, |c| ggx_gaussians(c.alpha));
-        let side = CoarseSurface { heights: &coarse, lobes: &lobes, base_color: None, brdf: &brdf, gaussians: &gaussians };
+        let side =
+            CoarseSurface { heights: &coarse, lobes: &lobes, base_color: None, brdf: &brdf, gaussians: &gaussians };
         let [fine_patch, fine_mean] =
             error_of(&fine_reflectance(&surface, [4, 4], &table, &mut |_| ()), &exact.fine, &nodes);
         let [coarse_patch, coarse_mean] = error_of(&coarse_reflectance(&side, [4, 4], &table), &exact.coarse, &nodes);
