@@ -209,8 +209,7 @@ fn distance(table: &PatchReflectance, sums: &[Vec<[f64; 3]>], directions: &Table
     for (patch, sums) in sums.iter().enumerate() {
         for i in (0..directions.len()).filter(|&i| directions.vectors[i][2] > COS_75) {
             for o in (0..=i).filter(|&o| directions.vectors[o][2] > COS_75) {
-                for c in 0..3 {
-                    let exact = sums[pair(i, o)][c];
+                for (c, &exact) in sums[pair(i, o)].iter().enumerate() {
                     square += (f64::from(table.channel(patch, c)[pair(i, o)]) - exact).powi(2);
                     total += exact * exact;
                 }
