@@ -306,6 +306,23 @@ fn a_groove_of_two_colours_shows_each_colour_to_its_side() {
 }
 
 #[test]
+fn a_groove_on_a_strip_is_shadowed_as_on_a_square() {
+    // The same groove on a map of two rows: light from 45° off the axis still comes a long way over it.
+    let directions = TableDirections::new(15);
+    let on = |rows: usize| {
+        let heights = field([2 * WALL, rows], [1.0; 2], Boundary::Repeat, |i, _| (i as f32 - WALL as f32).abs());
+        let fine = FineSurface { heights, brdf: diffuse(0.8), color: None };
+        fine_reflectance(&fine, [1, 1], &directions, &mut |_| {})
+    };
+    let [strip, square] = [on(2), on(2 * WALL)];
+    for k in 0..strip.pair_count() {
+        let [strip, square] = [&strip, &square].map(|table| table.channel(0, 0)[k]);
+        // one texel of a wall more or less
+        assert!((strip - square).abs() < 0.01 + 1e-3 * square, "pair {k}: {strip} on the strip, {square}");
+    }
+}
+
+#[test]
 fn a_colour_that_knows_nothing_of_normals_multiplies_by_its_mean() {
     let map = crop(&fixture("heights/twill", 24.415), [256, 256], [1.0; 2], Boundary::Clamp);
     let rng = Stream::new(21, 0);

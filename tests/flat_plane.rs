@@ -14,7 +14,7 @@ use support::{COS_75, at, both, compiled, diffuse, field, ggx, random_direction,
 
 /// The bases, and how far f_low may be off between the nodes: 5 % is the bound of f_c itself.
 fn bases() -> Vec<(String, Brdf, f64)> {
-    let conductors = [0.3, 1.0].map(|alpha| (format!("GGX {alpha}"), ggx(alpha), 0.05));
+    let conductors = [0.02, 0.1, 0.3, 1.0].map(|alpha| (format!("GGX {alpha}"), ggx(alpha), 0.05));
     let mut bases = vec![("diffuse".to_string(), diffuse(0.5), 0.002)];
     bases.extend(conductors);
     bases.push(("diffuse + GGX 0.3".into(), both(0.3), 0.05));

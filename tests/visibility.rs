@@ -7,7 +7,7 @@ use farfield::math::rng::Stream;
 use farfield::prefilter::surface::reflectance::TableDirections;
 use farfield::prefilter::surface::visibility::{EMPTY_SLOT, Orientation, ShadowSweep, VisibilityBits};
 use glam::Vec3;
-use support::{FIXTURES, centre, field, fixture, towards};
+use support::{FIXTURES, centre, crop, field, fixture, towards, waves};
 
 /// Upper polar angles of the bands that mismatches are counted in, degrees.
 const BANDS: [f32; 4] = [45.0, 65.0, 75.0, 90.0];
@@ -84,9 +84,55 @@ fn bits_of_the_fixtures_agree_with_ray_casts() {
         let map = fixture(name, amplitude);
         let mismatch = compare(&map, &directions.vectors, 1500);
         println!("{name:16}{}", mismatch.row());
-        let reaches = ["heights/fbm", "heights/vgroove", "heights/silk"].contains(&name);
-        if reaches && mismatch.below_75() > BAR {
+        // walls of 80:1 are the one map whose occluders are a texel wide
+        let bar = if name == "heights/cliffs" { f64::INFINITY } else { BAR };
+        if mismatch.below_75() > bar {
             missed.push(name);
+        }
+    }
+    assert!(missed.is_empty(), "more than 0.3 % of the bits below 75° are wrong: {missed:?}");
+}
+
+#[test]
+fn bits_of_finite_oblong_and_stretched_maps_agree_with_ray_casts() {
+    let directions = TableDirections::new(15);
+    let twill = fixture("heights/twill", 24.415);
+    let bump = fixture("heights/bump", 28.0);
+    let cases = [
+        ("twill, clamp, 200 × 131", crop(&twill, [200, 131], [1.0; 2], Boundary::Clamp)),
+        ("twill, repeat, 200 × 131", crop(&twill, [200, 131], [1.0; 2], Boundary::Repeat)),
+        ("bump, clamp, 77 × 256", crop(&bump, [77, 256], [1.0; 2], Boundary::Clamp)),
+        ("twill, texels 1 × 2.5", crop(&twill, [256, 128], [1.0, 2.5], Boundary::Clamp)),
+        ("twill, texels 2.5 × 1", crop(&twill, [128, 256], [2.5, 1.0], Boundary::Repeat)),
+        ("twill in millimetres", { field([256, 256], [1e-3; 2], Boundary::Clamp, |i, j| 1e-3 * twill.vertex(i, j)) }),
+        ("waves, repeat, 96 × 160", field([96, 160], [1.0; 2], Boundary::Repeat, waves([96, 160], 16.0, 6.0, 3))),
+    ];
+    println!("{}", head(26));
+    let mut missed = Vec::new();
+    for (name, map) in &cases {
+        let mismatch = compare(map, &directions.vectors, 3000);
+        println!("{name:26}{}", mismatch.row());
+        if mismatch.below_75() > BAR {
+            missed.push(*name);
+        }
+    }
+    assert!(missed.is_empty(), "more than 0.3 % of the bits below 75° are wrong: {missed:?}");
+}
+
+#[test]
+fn bits_of_one_row_or_one_column_agree_with_ray_casts() {
+    let directions = TableDirections::new(15);
+    let mut missed = Vec::new();
+    for boundary in [Boundary::Repeat, Boundary::Clamp] {
+        for size in [[1, 700], [700, 1]] {
+            let height = waves(size, 12.0, 4.0, 9);
+            let mismatch = compare(&field(size, [1.0; 2], boundary, height), &directions.vectors, usize::MAX);
+            println!("{size:?} {boundary:?}: {}", mismatch.row());
+            // all texels of a finite strip one texel wide lie at the rim, where rays leave within half a texel
+            let bar = if boundary == Boundary::Clamp { 0.025 } else { BAR };
+            if mismatch.below_75() > bar {
+                missed.push((size, boundary));
+            }
         }
     }
     assert!(missed.is_empty(), "more than 0.3 % of the bits below 75° are wrong: {missed:?}");
@@ -117,8 +163,7 @@ fn every_texel_of_a_flat_map_sees_every_direction() {
 fn a_wall_throws_the_shadow_that_its_height_says() {
     // A wall 8 m high that fills column 40; light from +x at elevation atan(½) shadows 16 m on its −x side.
     let wall = |i: usize, _| if i == 40 { 8.0 } else { 0.0 };
-    {
-        let boundary = Boundary::Repeat;
+    for boundary in [Boundary::Repeat, Boundary::Clamp] {
         let map = field([64, 5], [1.0; 2], boundary, wall);
         for (sign, shadowed) in [(1.0, 24..40), (-1.0, 41..56)] {
             let w = Vec3::new(2.0 * sign, 0.0, 1.0).normalize();
