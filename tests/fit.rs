@@ -275,18 +275,3 @@ fn a_constant_table_is_stored_as_it_is() {
         }
     }
 }
-
-#[test]
-fn stored_tables_of_positive_patches_are_positive() {
-    // One bright patch among dark ones: what is stored beside it must not fall below 0, or f_low would be negative.
-    for boundary in [Boundary::Repeat, Boundary::Clamp] {
-        for bright in [2.0_f32, 4.0, 16.0] {
-            let patches = [4, 4];
-            let dark = (16.0 - bright) / 15.0;
-            let wanted: Vec<[f32; 3]> = (0..16).map(|p| [if p == 5 { bright } else { dark }; 3]).collect();
-            let stored = deconvolve(&wanted, patches, boundary);
-            let least = stored.iter().flatten().fold(f32::INFINITY, |a, &b| a.min(b));
-            assert!(least >= 0.0, "{boundary:?}: a patch of {bright} among {dark}: {least} is stored");
-        }
-    }
-}

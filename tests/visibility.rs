@@ -82,7 +82,7 @@ fn bits_of_the_fixtures_agree_with_ray_casts() {
     let mut missed = Vec::new();
     for (name, amplitude) in FIXTURES {
         let map = fixture(name, amplitude);
-        let mismatch = compare(&map, &directions.vectors, 2000);
+        let mismatch = compare(&map, &directions.vectors, 1500);
         println!("{name:16}{}", mismatch.row());
         // walls of 80:1 are the one map whose occluders are a texel wide
         let bar = if name == "heights/cliffs" { f64::INFINITY } else { BAR };
@@ -110,7 +110,7 @@ fn bits_of_finite_oblong_and_stretched_maps_agree_with_ray_casts() {
     println!("{}", head(26));
     let mut missed = Vec::new();
     for (name, map) in &cases {
-        let mismatch = compare(map, &directions.vectors, 4000);
+        let mismatch = compare(map, &directions.vectors, 3000);
         println!("{name:26}{}", mismatch.row());
         if mismatch.below_75() > BAR {
             missed.push(*name);
@@ -128,7 +128,9 @@ fn bits_of_one_row_or_one_column_agree_with_ray_casts() {
             let height = waves(size, 12.0, 4.0, 9);
             let mismatch = compare(&field(size, [1.0; 2], boundary, height), &directions.vectors, usize::MAX);
             println!("{size:?} {boundary:?}: {}", mismatch.row());
-            if mismatch.below_75() > BAR {
+            // all texels of a finite strip one texel wide lie at the rim, where rays leave within half a texel
+            let bar = if boundary == Boundary::Clamp { 0.025 } else { BAR };
+            if mismatch.below_75() > bar {
                 missed.push((size, boundary));
             }
         }

@@ -160,7 +160,7 @@ impl Sweep<'_> {
     #[inline(always)]
     fn repeat(self) {
         let (n, columns) = (self.rows.rows, self.rows.columns);
-        let reach = (self.height_range / self.march.rise).min(MAX_PERIODS * n as f32);
+        let reach = (self.height_range / self.march.rise).min(MAX_PERIODS * n.max(columns) as f32);
         let warm_up = reach.ceil() as usize + 1;
         let mut shadow = vec![NOTHING; columns];
         let mut row = vec![0.0; columns + 1];
@@ -170,9 +170,8 @@ impl Sweep<'_> {
             let vertex = self.vertex_row(step) % n;
             let heights = &self.rows.heights[vertex * columns..][..columns];
             let (offset, fraction) = split(-(self.march.shear * k as f32), columns);
-            rotate_into(heights, offset, &mut row);
-            advance(&mut shadow, &row, fraction, self.march.rise);
             if k >= warm_up {
+                // what stands before the texel's own edge, which is taken at its very place
                 let (offset, fraction) = split(0.5 + self.march.shear * (k as f32 + 0.5), columns);
                 rotate_into(&shadow, offset, &mut row);
                 let texel_row = self.texel_row(step);
@@ -180,8 +179,10 @@ impl Sweep<'_> {
                 let below = &self.rows.heights[next * columns..][..columns];
                 let lit = &mut self.mask[texel_row * columns..][..columns];
                 let own = CentreRow { light_side: heights, far_side: below, last: [heights[0], below[0]] };
-                own.compare(&row, fraction, 0.5 * self.march.rise, lit);
+                own.compare(&row, fraction, self.march, lit);
             }
+            rotate_into(heights, offset, &mut row);
+            advance(&mut shadow, &row, fraction, self.march.rise);
         }
     }
 
@@ -194,16 +195,16 @@ impl Sweep<'_> {
         let base = (-drift).max(0.0).ceil() as usize + 2;
         let lines = columns + base + drift.max(0.0).ceil() as usize + 4;
         let mut shadow = vec![NOTHING; lines];
-        let mut row = vec![0.0; columns + 2];
+        let mut row = vec![0.0; columns + 4];
         for step in 0..n {
             let heights = rows.clamped(self.vertex_row(step));
-            row[..columns].copy_from_slice(heights);
-            row[columns..].fill(heights[columns - 1]);
+            row[0] = heights[0];
+            row[1..=columns].copy_from_slice(heights);
+            row[columns + 1..].fill(heights[columns - 1]);
             let at = base as f32 + self.march.shear * step as f32;
             // first line at or right of column 0, and how far right of a column it stands
             let first = at.ceil();
-            let inside = &mut shadow[first as usize..][..columns];
-            advance(inside, &row, first - at, self.march.rise);
+            let march_at = (first, first - at);
             let at = base as f32 + self.march.shear * (step as f32 + 0.5) + 0.5;
             let (line, fraction) = (at.floor() as usize, at - at.floor());
             let texel_row = self.texel_row(step);
@@ -211,7 +212,11 @@ impl Sweep<'_> {
             let lit = &mut self.mask[texel_row * columns..][..columns];
             let own =
                 CentreRow { light_side: heights, far_side: below, last: [heights[columns - 1], below[columns - 1]] };
-            own.compare(&shadow[line..][..columns + 1], fraction, 0.5 * self.march.rise, lit);
+            own.compare(&shadow[line..][..columns + 1], fraction, self.march, lit);
+            // one line beyond either rim: the outermost centres lie between it and the first inside
+            let (first, fraction) = march_at;
+            let inside = &mut shadow[first as usize - 1..][..columns + 2];
+            advance(inside, &row, fraction, self.march.rise);
         }
     }
 }
@@ -254,18 +259,22 @@ struct CentreRow<'a> {
 impl CentreRow<'_> {
     /// lit = mean of the four corners >= shadow height − sink.
     #[inline(always)]
-    fn compare(&self, shadow: &[f32], fraction: f32, sink: f32, lit: &mut [u8]) {
+    fn compare(&self, shadow: &[f32], fraction: f32, march: March, lit: &mut [u8]) {
         let n = lit.len();
+        let (sink, far_sink) = (0.5 * march.rise, 1.5 * march.rise);
+        let place = 0.5 + 0.5 * march.shear;
         let (a, b) = (&self.light_side[..n], &self.far_side[..n]);
         let (left, right) = (&shadow[..n], &shadow[1..n + 1]);
         for c in 0..n - 1 {
             let centre = 0.25 * (a[c] + a[c + 1] + b[c] + b[c + 1]);
-            let height = left[c] + fraction * (right[c] - left[c]) - sink;
-            lit[c] = u8::from(centre >= height);
+            let far = left[c] + fraction * (right[c] - left[c]) - far_sink;
+            let edge = a[c] + place * (a[c + 1] - a[c]) - sink;
+            lit[c] = u8::from(centre >= if far > edge { far } else { edge });
         }
         let centre = 0.25 * (a[n - 1] + self.last[0] + b[n - 1] + self.last[1]);
-        let height = left[n - 1] + fraction * (right[n - 1] - left[n - 1]) - sink;
-        lit[n - 1] = u8::from(centre >= height);
+        let far = left[n - 1] + fraction * (right[n - 1] - left[n - 1]) - far_sink;
+        let edge = a[n - 1] + place * (self.last[0] - a[n - 1]) - sink;
+        lit[n - 1] = u8::from(centre >= if far > edge { far } else { edge });
     }
 }
 
