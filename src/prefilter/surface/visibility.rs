@@ -164,24 +164,27 @@ impl Sweep<'_> {
         let warm_up = reach.ceil() as usize + 1;
         let mut shadow = vec![NOTHING; columns];
         let mut row = vec![0.0; columns + 1];
+        let mut near = vec![0.0; columns + 1];
+        let (near_offset, near_fraction) = split(0.5 + 1.5 * self.march.shear, columns);
         for k in 0..warm_up + n {
-            // vertex row of step k − warm_up, which may lie whole periods before the map
+            // vertex row of step k − warm_up, which may lie whole periods before the map, and the one before it
             let step = (k + n * warm_up.div_ceil(n) - warm_up) % n;
             let vertex = self.vertex_row(step) % n;
-            let heights = &self.rows.heights[vertex * columns..][..columns];
-            let (offset, fraction) = split(-(self.march.shear * k as f32), columns);
+            let upstream = (vertex + if self.march.light_at_end { 1 } else { n - 1 }) % n;
+            let [heights, upstream] = [vertex, upstream].map(|row| &self.rows.heights[row * columns..][..columns]);
             if k >= warm_up {
-                // what stands before the texel's own edge, which is taken at its very place
                 let (offset, fraction) = split(0.5 + self.march.shear * (k as f32 + 0.5), columns);
                 rotate_into(&shadow, offset, &mut row);
-                let texel_row = self.texel_row(step);
+                rotate_into(upstream, near_offset, &mut near);
                 let next = self.vertex_row(step + 1) % n;
                 let below = &self.rows.heights[next * columns..][..columns];
+                let texel_row = self.texel_row(step);
                 let lit = &mut self.mask[texel_row * columns..][..columns];
                 let own = CentreRow { light_side: heights, far_side: below, last: [heights[0], below[0]] };
-                own.compare(&row, fraction, self.march, lit);
+                own.compare(Line::new(&near, near_fraction), Line::new(&row, fraction), self.march, lit);
             }
-            rotate_into(heights, offset, &mut row);
+            let (offset, fraction) = split(-(self.march.shear * (k as f32 - 1.0)), columns);
+            rotate_into(upstream, offset, &mut row);
             advance(&mut shadow, &row, fraction, self.march.rise);
         }
     }
@@ -195,28 +198,36 @@ impl Sweep<'_> {
         let base = (-drift).max(0.0).ceil() as usize + 2;
         let lines = columns + base + drift.max(0.0).ceil() as usize + 4;
         let mut shadow = vec![NOTHING; lines];
-        let mut row = vec![0.0; columns + 4];
+        // vertices of the upstream row with three beyond either rim: heights for the lines, nothing for single places
+        let mut row = vec![NOTHING; columns + 7];
+        let mut near = row.clone();
+        let at = 3.0 + 0.5 + 1.5 * self.march.shear;
+        let (near_first, near_fraction) = (at.floor() as usize, at - at.floor());
         for step in 0..n {
             let heights = rows.clamped(self.vertex_row(step));
-            row[0] = heights[0];
-            row[1..=columns].copy_from_slice(heights);
-            row[columns + 1..].fill(heights[columns - 1]);
-            let at = base as f32 + self.march.shear * step as f32;
-            // first line at or right of column 0, and how far right of a column it stands
-            let first = at.ceil();
-            let march_at = (first, first - at);
             let at = base as f32 + self.march.shear * (step as f32 + 0.5) + 0.5;
             let (line, fraction) = (at.floor() as usize, at - at.floor());
-            let texel_row = self.texel_row(step);
             let below = rows.clamped(self.vertex_row(step + 1));
+            let texel_row = self.texel_row(step);
             let lit = &mut self.mask[texel_row * columns..][..columns];
             let own =
                 CentreRow { light_side: heights, far_side: below, last: [heights[columns - 1], below[columns - 1]] };
-            own.compare(&shadow[line..][..columns + 1], fraction, self.march, lit);
-            // one line beyond either rim: the outermost centres lie between it and the first inside
-            let (first, fraction) = march_at;
-            let inside = &mut shadow[first as usize - 1..][..columns + 2];
-            advance(inside, &row, fraction, self.march.rise);
+            let far = Line::new(&shadow[line..][..columns + 1], fraction);
+            own.compare(Line::new(&near[near_first..][..columns + 1], near_fraction), far, self.march, lit);
+            // this row is the next one's upstream row, and the upstream row now joins the shadow
+            if step > 0 {
+                let at = base as f32 + self.march.shear * (step as f32 - 1.0);
+                // first line at or right of column 0, and how far right of a column it stands; one line beyond either
+                // rim, for the outermost centres lie between it and the first inside
+                let first = at.ceil();
+                let inside = &mut shadow[first as usize - 1..][..columns + 2];
+                advance(inside, &row[2..], first - at, self.march.rise);
+            }
+            row[2] = heights[0];
+            row[3..columns + 3].copy_from_slice(heights);
+            row[columns + 3..].fill(heights[columns - 1]);
+            near[3..columns + 3].copy_from_slice(heights);
+            near[columns + 3] = heights[columns - 1];
         }
     }
 }
@@ -249,6 +260,20 @@ fn advance(shadow: &mut [f32], row: &[f32], fraction: f32, rise: f32) {
     }
 }
 
+/// Values between which each texel of a row interpolates: column c between `values[c]` and `values[c + 1]`.
+#[derive(Clone, Copy)]
+struct Line<'a> {
+    values: &'a [f32],
+    fraction: f32,
+}
+
+impl<'a> Line<'a> {
+    #[inline(always)]
+    fn new(values: &'a [f32], fraction: f32) -> Self {
+        Self { values, fraction }
+    }
+}
+
 /// The vertex rows on both sides of a row of texels; `last` is the vertex past the end of each.
 struct CentreRow<'a> {
     light_side: &'a [f32],
@@ -257,25 +282,37 @@ struct CentreRow<'a> {
 }
 
 impl CentreRow<'_> {
-    /// lit = mean of the four corners >= shadow height − sink.
+    /// lit = mean of the four corners >= the shadows of the texel's own edge, of the vertex row before it (`near`) and of
+    /// all rows before that (`far`). The first two are taken where the ray crosses them, not between two lines: most
+    /// shadows are short.
     #[inline(always)]
-    fn compare(&self, shadow: &[f32], fraction: f32, march: March, lit: &mut [u8]) {
-        let n = lit.len();
-        let (sink, far_sink) = (0.5 * march.rise, 1.5 * march.rise);
-        let place = 0.5 + 0.5 * march.shear;
-        let (a, b) = (&self.light_side[..n], &self.far_side[..n]);
-        let (left, right) = (&shadow[..n], &shadow[1..n + 1]);
-        for c in 0..n - 1 {
-            let centre = 0.25 * (a[c] + a[c + 1] + b[c] + b[c + 1]);
-            let far = left[c] + fraction * (right[c] - left[c]) - far_sink;
-            let edge = a[c] + place * (a[c + 1] - a[c]) - sink;
-            lit[c] = u8::from(centre >= if far > edge { far } else { edge });
+    fn compare(&self, near: Line<'_>, far: Line<'_>, march: March, lit: &mut [u8]) {
+        // all but the last texel: slices of one length, so that the loop needs no bounds checks
+        let m = lit.len() - 1;
+        let (a, b) = (self.light_side, self.far_side);
+        let (a0, a1, b0, b1) = (&a[..m], &a[1..m + 1], &b[..m], &b[1..m + 1]);
+        let (near0, near1) = (&near.values[..m], &near.values[1..m + 1]);
+        let (far0, far1) = (&far.values[..m], &far.values[1..m + 1]);
+        let out = &mut lit[..m];
+        for c in 0..m {
+            let lines = [near0[c], near1[c], far0[c], far1[c]];
+            out[c] = is_lit([a0[c], a1[c], b0[c], b1[c]], lines, [near.fraction, far.fraction], march);
         }
-        let centre = 0.25 * (a[n - 1] + self.last[0] + b[n - 1] + self.last[1]);
-        let far = left[n - 1] + fraction * (right[n - 1] - left[n - 1]) - far_sink;
-        let edge = a[n - 1] + place * (self.last[0] - a[n - 1]) - sink;
-        lit[n - 1] = u8::from(centre >= if far > edge { far } else { edge });
+        let lines = [near.values[m], near.values[m + 1], far.values[m], far.values[m + 1]];
+        lit[m] = is_lit([a[m], self.last[0], b[m], self.last[1]], lines, [near.fraction, far.fraction], march);
     }
+}
+
+/// Whether the centre of a texel with these corners is lit: light side left and right, far side left and right.
+#[inline(always)]
+fn is_lit(corners: [f32; 4], lines: [f32; 4], [near, far]: [f32; 2], march: March) -> u8 {
+    let lerp = |a: f32, b: f32, t: f32| a + t * (b - a);
+    let larger = |a: f32, b: f32| if a > b { a } else { b };
+    let own = lerp(corners[0], corners[1], 0.5 + 0.5 * march.shear) - 0.5 * march.rise;
+    let near = lerp(lines[0], lines[1], near) - 1.5 * march.rise;
+    let far = lerp(lines[2], lines[3], far) - 2.5 * march.rise;
+    let centre = 0.25 * (corners[0] + corners[1] + corners[2] + corners[3]);
+    u8::from(centre >= larger(own, larger(near, far)))
 }
 
 /// Visibility of all slots for all directions: `bits[direction][word]`, slot s in bit s % 64 of word s / 64.
