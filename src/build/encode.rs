@@ -27,7 +27,8 @@ pub fn surface_asset(spec: &SurfaceSpec, input: &Input, levels: Vec<SurfaceLevel
         settings: settings(spec, input),
         versions: BTreeMap::from([("surface".into(), SURFACE_VERSION.into())]),
         seed: spec.levels.first().map_or(0, |level| level.seed),
-        isa: instruction_set().into(),
+        // every copy of a kernel gives the same bits (`math::simd`), and the FFT runs its scalar code
+        isa: "baseline".into(),
         levels,
     }
 }
@@ -117,13 +118,4 @@ fn settings(spec: &SurfaceSpec, input: &Input) -> serde_json::Value {
         "patches": tables.map(|t| t.patches),
         "rank": tables.map(|t| t.rank),
     })
-}
-
-/// The instruction set that float kernels may have chosen: bytes are equal within one.
-fn instruction_set() -> &'static str {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-        return "x86-64-v3";
-    }
-    if cfg!(target_arch = "aarch64") { "aarch64" } else { "baseline" }
 }

@@ -37,9 +37,11 @@ struct NormalBins {
 impl NormalBins {
     /// Bins for `texels` texels spread over `parts` patches and colour classes.
     fn new(texels: usize, parts: usize, alpha: Option<f32>) -> Self {
-        // two words a group on average: fewer texels leave words half empty, and those cost as much as full ones
+        // two words a group on average, for texels that leave words half empty cost as much as full ones; a small map
+        // may have as many groups as a map of 1024² with 16 patches
         const TEXELS_PER_GROUP: f64 = 112.0;
-        let groups = (texels as f64 / (parts as f64 * TEXELS_PER_GROUP)).sqrt();
+        const FREE_GROUPS: f64 = 16.0 * 576.0;
+        let groups = ((texels as f64 / TEXELS_PER_GROUP).max(FREE_GROUPS) / parts as f64).sqrt();
         let groups = (groups.round() as usize).clamp(8, 24);
         Self { groups, per_group: facet_resolution(alpha).div_ceil(groups) }
     }
