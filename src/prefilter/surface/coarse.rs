@@ -308,7 +308,11 @@ impl simd::Kernel for RowKernel<'_> {
         let tables = PrototypeTables::new(task, self.rows.clone());
         let mut scratch = CellScratch::new(task.places, n);
         let len = pair_count(self.rows.end) - pair_count(self.rows.start);
+        let mut block = vec![0.0_f32; self.sums.len()];
         for (cell, &patch) in self.patch_of_cell.iter().enumerate() {
+            if cell % BLOCK_TERMS == 0 {
+                flush(&mut block, self.sums);
+            }
             scratch.load(task, cell, n);
             let facing = &task.facing[cell * task.directions.len()..][..n];
             let color = task.coarse.base_color.map_or([1.0; 3], |colors| colors[cell]);
@@ -329,13 +333,26 @@ impl simd::Kernel for RowKernel<'_> {
                         numerator.iter_mut().zip(row).for_each(|(sum, value)| *sum += weight * value);
                     }
                     let scale = tint(term, color);
-                    let out = &mut self.sums[(patch * task.terms.len() + t) * len + at..][..i + 1];
+                    let out = &mut block[(patch * task.terms.len() + t) * len + at..][..i + 1];
                     for ((out, &b), &value) in out.iter_mut().zip(&*joint).zip(&*numerator) {
-                        *out += f64::from(scale * b * value);
+                        *out += scale * b * value;
                     }
                 }
             }
         }
+        flush(&mut block, self.sums);
+    }
+}
+
+/// Terms of a sum in f32, at most.
+const BLOCK_TERMS: usize = 4096;
+
+/// Adds a block of sums to the totals and empties it.
+#[inline(always)]
+fn flush(block: &mut [f32], sums: &mut [f64]) {
+    for (sum, block) in sums.iter_mut().zip(block) {
+        *sum += f64::from(*block);
+        *block = 0.0;
     }
 }
 
