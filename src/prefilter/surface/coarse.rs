@@ -31,7 +31,7 @@ const MIN_PLACES_PER_CELL: usize = 2;
 /// 1.51, 1.61 %; α = 0.1 4.7, 5.0, 7.0 %.
 fn max_prototypes(brdf: &Brdf) -> usize {
     match brdf.specular {
-        None => 640,
+        None => 448,
         Some(conductor) if conductor.alpha >= 0.25 => 1024,
         Some(_) => 1536,
     }

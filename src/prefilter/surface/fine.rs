@@ -254,7 +254,8 @@ struct Scratch {
     weights: Vec<f32>,
     /// One facet's integrand for the diffuse and the specular part.
     row: [Vec<f32>; 2],
-    count: Vec<f32>,
+    /// Texels that see both directions, `[o]`; signed, for that converts to floats in one instruction.
+    count: Vec<i32>,
 }
 
 impl Scratch {
@@ -294,7 +295,7 @@ impl Scratch {
                 smith[o] = (a2 + (1.0 - a2) * c * c).sqrt();
             }
         }
-        self.count.resize(n, 0.0);
+        self.count.resize(n, 0);
         self.row.iter_mut().for_each(|row| row.resize(n, 0.0));
         self.weights.resize(bin.groups.len() * task.terms.len() * n, 0.0);
     }
@@ -369,18 +370,42 @@ impl Scratch {
             if own.iter().all(|&word| word == 0) {
                 continue;
             }
-            for (o, count) in self.count[..len].iter_mut().enumerate() {
-                let other = &self.words[o * stride..][first..last];
-                *count = own.iter().zip(other).map(|(a, b)| (a & b).count_ones()).sum::<u32>() as f32;
+            let (words, count) = (&self.words[first..], &mut self.count[..len]);
+            // most groups have few words: a loop of known length beats a vectorised one there
+            match own.len() {
+                1 => count_joint::<1>(own, words, stride, count),
+                2 => count_joint::<2>(own, words, stride, count),
+                3 => count_joint::<3>(own, words, stride, count),
+                4 => count_joint::<4>(own, words, stride, count),
+                _ => count_joint_any(own, words, stride, count),
             }
             for t in 0..task.terms.len() {
                 let weights = &self.weights[(g * task.terms.len() + t) * n..][..len];
                 let out = &mut sums[(group.patch as usize * task.terms.len() + t) * task.len + at..][..len];
-                for ((out, w), count) in out.iter_mut().zip(weights).zip(&self.count) {
-                    *out += w * count;
+                for ((out, w), &count) in out.iter_mut().zip(weights).zip(&self.count) {
+                    *out += w * count as f32;
                 }
             }
         }
+    }
+}
+
+/// Bits set in both `own` and the same words of every direction, which stand `stride` apart.
+#[inline(always)]
+fn count_joint<const WORDS: usize>(own: &[u64], words: &[u64], stride: usize, count: &mut [i32]) {
+    let own: [u64; WORDS] = std::array::from_fn(|k| own[k]);
+    for (o, count) in count.iter_mut().enumerate() {
+        let other = &words[o * stride..][..WORDS];
+        *count = own.iter().zip(other).map(|(a, b)| (a & b).count_ones() as i32).sum();
+    }
+}
+
+/// [`count_joint`] for any number of words.
+#[inline(always)]
+fn count_joint_any(own: &[u64], words: &[u64], stride: usize, count: &mut [i32]) {
+    for (o, count) in count.iter_mut().enumerate() {
+        let other = &words[o * stride..][..own.len()];
+        *count = own.iter().zip(other).map(|(a, b)| (a & b).count_ones() as i32).sum();
     }
 }
 
