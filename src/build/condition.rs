@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::geometry::Boundary;
 use crate::io::heights::RawHeights;
 
-/// Codes per texel-scale slope standard deviation under which terraces show in the normals (design 4.1).
+/// Codes per texel-scale slope standard deviation under which terraces show in the normals.
 const MIN_CODES: f64 = 32.0;
 
 /// How much rougher than the roughest line of neighbours inside of the map a seam may be. Tileable maps stay under 1.1,

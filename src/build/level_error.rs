@@ -1,4 +1,4 @@
-//! The error of a level as its reader sees it (design 4.9).
+//! The error of a level as its reader sees it.
 //!
 //! The level comes decoded from its own bytes and is read through `formats`: T and S interpolated, every cell's own
 //! lobes. At random triples (patch, ωi, ωo) F of both surfaces is found by exact ray casts; nothing of the fit's

@@ -1,7 +1,7 @@
 //! F of the coarse surface on the table directions, from all cells.
 //!
-//! F_coarse = mean over p of g(ωi) g(ωo) N_c V(ωi) V(ωo) with g = A_c/P_c and A_c(ω) = ⟨n_c, ω⟩/⟨n_c, ωg⟩ (design
-//! 4.0). Each cell is sampled at a regular grid of places, where n_c and V are those of the coarse bilinear surface.
+//! F_coarse = mean over p of g(ωi) g(ωo) N_c V(ωi) V(ωo) with g = A_c/P_c and A_c(ω) = ⟨n_c, ω⟩/⟨n_c, ωg⟩.
+//! Each cell is sampled at a regular grid of places, where n_c and V are those of the coarse bilinear surface.
 //! N_c is a sum over the cell's lobes; there are as many lobes as fine texels, but many look alike, so lobes are merged
 //! into prototypes of nearly the same mean and concentration, and only those meet every pair of directions.
 
@@ -22,7 +22,7 @@ use std::ops::Range;
 const PLACES: usize = 384;
 
 /// Places per axis of a cell, at least: its normal and its shadows vary over a bilinear cell, and one place in the
-/// middle sees neither (twill tiled to 4096², 8×: ε above 75° is 15 % with 1 place, 3 % with 2).
+/// middle sees neither (twill tiled to 4096², 8×: ε above 75° is 15 % with 1 place, 2 % with 2).
 const MIN_PLACES_PER_CELL: usize = 2;
 
 /// At most this many prototypes: a narrower base NDF sees smaller differences between lobes.

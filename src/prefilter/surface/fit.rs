@@ -9,7 +9,7 @@ use super::reflectance::{PatchReflectance, TableDirections, pair, pair_count};
 use crate::geometry::Boundary;
 use rayon::prelude::*;
 
-/// Sweeps of alternating least squares; twill and rocks change by under 1e-5 after four.
+/// Sweeps of alternating least squares, from the ratio of averages on.
 const SWEEPS: usize = 6;
 
 /// Strength of the prior: this fraction of the mean F_coarse, added with ratio 1. Small, for the tails of a narrow NDF

@@ -6,7 +6,9 @@
 //! below the shadow height interpolated between the two lines beside it. Cost: O(1) a texel and direction.
 //!
 //! Occluders are taken where the lines cross vertex rows, receivers at texel centres; a cell that faces away from the
-//! light is shadowed by its own upstream edge. Against exact ray casts 0.1 to 0.3 % of the texels differ below 75°.
+//! light is shadowed by its own upstream edge. The two vertex rows
+//! before a texel are taken where its ray crosses them. Against exact ray casts up to 0.23 % of the texels differ below
+//! 75° (cobbles; twill 0.08 %, walls of 80:1 0.3 %).
 
 use crate::geometry::{Boundary, HeightField};
 use crate::math::simd;
