@@ -20,12 +20,17 @@ struct Room {
     may_fail: bool,
 }
 
-/// The rooms, bottom up. `formats::lookup` and `formats::cell_brdf` are open to all (see [`ONE_FORMULA`]).
+/// The rooms, bottom up. `formats::lookup`, `cell_brdf` and `level_brdf` are open to all (see [`ONE_FORMULA`]).
 const HOUSE: [Room; 10] = [
     Room { path: "math", rooms: &[], crates: &["glam"], may_fail: false },
     Room { path: "geometry", rooms: &["math"], crates: &["glam"], may_fail: false },
     Room { path: "material", rooms: &["math"], crates: &["glam"], may_fail: false },
-    Room { path: "transport", rooms: &["math", "geometry", "material"], crates: &["glam", "rayon"], may_fail: false },
+    Room {
+        path: "transport",
+        rooms: &["math", "geometry", "material"],
+        crates: &["glam", "rayon", "sobol_burley"],
+        may_fail: false,
+    },
     Room { path: "prefilter", rooms: &[], crates: &[], may_fail: false },
     Room {
         path: "prefilter::surface",
@@ -56,7 +61,7 @@ const HOUSE: [Room; 10] = [
     Room {
         path: "report",
         rooms: &["math", "geometry", "material", "transport", "prefilter", "prefilter::surface", "io", "build"],
-        crates: &["formats", "serde_json"],
+        crates: &["base64", "formats", "glam", "maud", "nv_flip", "rayon", "serde", "serde_json"],
         may_fail: true,
     },
 ];
@@ -74,8 +79,8 @@ const CLI: Room = Room {
 const FORMATS: Room =
     Room { path: "", rooms: &[], crates: &["blake3", "half", "ktx2", "serde", "serde_json", "zstd"], may_fail: true };
 
-/// Modules of `formats` that every room may call: compiler and reader share one table lookup and one f_c.
-const ONE_FORMULA: [&str; 2] = ["formats::lookup", "formats::cell_brdf"];
+/// Modules of `formats` that every room may call: compiler and reader share one table lookup, one f_c and one f_low.
+const ONE_FORMULA: [&str; 3] = ["formats::lookup", "formats::cell_brdf", "formats::level_brdf"];
 
 /// Crates that tests beside the code may name, too.
 const TEST_CRATES: [&str; 4] = ["cpu_time", "nalgebra", "rayon", "tempfile"];

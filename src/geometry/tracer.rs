@@ -125,8 +125,13 @@ impl<'a> HeightTracer<'a> {
     /// The half-line that starts on the surface is hidden where any of it beyond the start is below the surface; running
     /// within the surface is not below. The start itself is divided out of its own cell's equation: no offset.
     pub fn occluded(&self, point: SurfacePoint, direction: Vec3) -> bool {
+        self.occluded_within(point, direction, f64::INFINITY)
+    }
+
+    /// The same for the first `t_max` of the half-line, in units of `direction`.
+    pub fn occluded_within(&self, point: SurfacePoint, direction: Vec3, t_max: f64) -> bool {
         self.tree.touch(point.cell);
-        let ray = self.leaving(point, direction);
+        let ray = self.leaving(point, direction, t_max);
         let first = self.patch(point.cell);
         if !matches!(first.departure(&ray), (Side::Above, None)) {
             return true;
@@ -137,7 +142,12 @@ impl<'a> HeightTracer<'a> {
 
     /// The first crossing of the surface by `ray`, from either side.
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        let Entry { cell, plane, ray: local, side, t: t_start } = self.entering(ray)?;
+        self.intersect_within(ray, f64::INFINITY)
+    }
+
+    /// The same for the first `t_max` of `ray`, in units of its direction.
+    pub fn intersect_within(&self, ray: &Ray, t_max: f64) -> Option<Hit> {
+        let Entry { cell, plane, ray: local, side, t: t_start } = self.entering(ray, t_max)?;
         self.tree.touch(cell);
         let hit = |cell: &Candidate| cell.patch.crossing(&local, side, self.tolerance).map(|t| (t, *cell));
         let found = self.walk(&local, cell, || None, hit)?;
@@ -146,8 +156,13 @@ impl<'a> HeightTracer<'a> {
 
     /// The first crossing of the surface by the half-line that starts on it at `point`, which itself does not count.
     pub fn intersect_from(&self, point: SurfacePoint, direction: Vec3) -> Option<Hit> {
+        self.intersect_from_within(point, direction, f64::INFINITY)
+    }
+
+    /// The same for the first `t_max` of the half-line, in units of `direction`.
+    pub fn intersect_from_within(&self, point: SurfacePoint, direction: Vec3, t_max: f64) -> Option<Hit> {
         self.tree.touch(point.cell);
-        let ray = self.leaving(point, direction);
+        let ray = self.leaving(point, direction, t_max);
         let (side, crossing) = self.patch(point.cell).departure(&ray);
         let hit = |cell: &Candidate| {
             let own = cell.at == [0, 0];
@@ -178,15 +193,15 @@ impl<'a> HeightTracer<'a> {
     }
 
     /// The ray from `point` on the surface, as far as the surface may reach.
-    fn leaving(&self, point: SurfacePoint, direction: Vec3) -> CellRay {
+    fn leaving(&self, point: SurfacePoint, direction: Vec3, t_max: f64) -> CellRay {
         debug_assert!(direction.is_finite() && direction != Vec3::ZERO, "a direction");
         let z = self.patch(point.cell).height(point.st.map(f64::from));
         let ray = CellRay::new(point.st, self.cells_per_metre(direction), z, f64::from(direction.z));
-        self.bounded(ray)
+        self.bounded(ray, t_max)
     }
 
     /// `ray` from where it is over the map and within the range of heights.
-    fn entering(&self, ray: &Ray) -> Option<Entry> {
+    fn entering(&self, ray: &Ray, t_max: f64) -> Option<Entry> {
         debug_assert!(ray.direction.is_finite() && ray.direction != Vec3::ZERO, "a direction");
         let size = self.heights.size().map(|n| n as f64);
         let [dx, dy] = self.heights.spacing().map(f64::from);
@@ -194,6 +209,9 @@ impl<'a> HeightTracer<'a> {
         let [du, dv] = self.cells_per_metre(ray.direction);
         let dir = [du, dv, f64::from(ray.direction.z)];
         let (t, axis) = self.entry_time(start, dir)?;
+        if t > t_max {
+            return None;
+        }
         let (mut cell, mut plane, mut st) = ([0; 2], [0.0; 2], [0.0f32; 2]);
         for k in [0, 1] {
             let x = start[k] + dir[k] * t;
@@ -213,7 +231,7 @@ impl<'a> HeightTracer<'a> {
                 (z, if z >= height { Side::Above } else { Side::Below })
             }
         };
-        Some(Entry { cell, plane, ray: self.bounded(CellRay::new(st, [du, dv], z, dir[2])), side, t })
+        Some(Entry { cell, plane, ray: self.bounded(CellRay::new(st, [du, dv], z, dir[2]), t_max - t), side, t })
     }
 
     /// When the ray enters the slab of heights and, if the map is finite, its rectangle; and through which axis.
@@ -240,8 +258,9 @@ impl<'a> HeightTracer<'a> {
         (t_in <= t_out).then_some((t_in, through))
     }
 
-    /// Ends a ray where it leaves the range of heights, and after the periods that a repeated map is followed for.
-    fn bounded(&self, mut ray: CellRay) -> CellRay {
+    /// Ends a ray at `t_max`, where it leaves the range of heights, and after the periods that a repeated map is followed
+    /// for.
+    fn bounded(&self, mut ray: CellRay, t_max: f64) -> CellRay {
         let [low, high] = self.slab;
         let leaves = match ray.dz {
             dz if dz > 0.0 => (high - ray.z) / dz,
@@ -259,7 +278,7 @@ impl<'a> HeightTracer<'a> {
             }
         };
         // Rounding of `leaves` must not cut off the last of the surface.
-        ray.t_end = (leaves * (1.0 + 1e-12)).min(reach).max(0.0);
+        ray.t_end = (leaves * (1.0 + 1e-12)).min(reach).min(t_max).max(0.0);
         ray
     }
 
