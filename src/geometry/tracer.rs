@@ -147,11 +147,28 @@ impl<'a> HeightTracer<'a> {
 
     /// The same for the first `t_max` of `ray`, in units of its direction.
     pub fn intersect_within(&self, ray: &Ray, t_max: f64) -> Option<Hit> {
-        let Entry { cell, plane, ray: local, side, t: t_start } = self.entering(ray, t_max)?;
+        self.first_crossing(self.entering(ray, t_max)?)
+    }
+
+    fn first_crossing(&self, entry: Entry) -> Option<Hit> {
+        let Entry { cell, plane, ray: local, side, t: t_start } = entry;
         self.tree.touch(cell);
         let hit = |cell: &Candidate| cell.patch.crossing(&local, side, self.tolerance).map(|t| (t, *cell));
         let found = self.walk(&local, cell, || None, hit)?;
         Some(self.hit(&local, plane, t_start, found))
+    }
+
+    /// Where the first `t_max` of `ray` goes below the surface; at once where it starts below.
+    ///
+    /// For a ray that was followed above another part of the surface up to its start, which rounding may have put a hair
+    /// too low: nothing slips through where two parts meet.
+    pub fn descend_within(&self, ray: &Ray, t_max: f64) -> Option<Hit> {
+        let entry = self.entering(ray, t_max)?;
+        if entry.side == Side::Above {
+            return self.first_crossing(entry);
+        }
+        let start = Candidate { cell: entry.cell.map(|x| x as u32), at: [0; 2], patch: self.patch(entry.cell) };
+        Some(self.hit(&entry.ray, entry.plane, entry.t, (0.0, start)))
     }
 
     /// The first crossing of the surface by the half-line that starts on it at `point`, which itself does not count.

@@ -19,6 +19,12 @@ impl Stream {
         Self { key: mix(mix(seed.wrapping_add(GOLDEN)) ^ stream.wrapping_mul(STREAM_STEP)) }
     }
 
+    /// The stream that starts at `index` of this one.
+    #[inline]
+    pub fn at(self, index: u64) -> Self {
+        Self { key: self.key.wrapping_add(index.wrapping_mul(GOLDEN)) }
+    }
+
     /// 64 random bits.
     #[inline]
     pub fn bits(self, index: u64) -> u64 {

@@ -1,5 +1,6 @@
 //! From a height map and its base BRDF to one coarse level: what a height map meets on its way, in this order.
 
+pub mod baselines;
 pub mod coarse;
 pub mod downsample;
 pub mod fine;
@@ -179,7 +180,7 @@ fn scaling_warning(angular: &[Vec<[f32; 3]>], fine: &PatchReflectance, direction
 }
 
 /// Area-weighted mean colour of every cell; texels that straddle a border count in proportion.
-fn cell_colors(color: &[[f32; 3]], size: [usize; 2], cells: [usize; 2]) -> Vec<[f32; 3]> {
+pub fn cell_colors(color: &[[f32; 3]], size: [usize; 2], cells: [usize; 2]) -> Vec<[f32; 3]> {
     (0..cells[0] * cells[1])
         .map(|cell| {
             let at = [cell % cells[0], cell / cells[0]];
@@ -198,7 +199,7 @@ fn cell_colors(color: &[[f32; 3]], size: [usize; 2], cells: [usize; 2]) -> Vec<[
 }
 
 /// Texels that cell `at` of `cells` covers along an axis of `texels`, and the overlap of each.
-fn overlaps(at: usize, cells: usize, texels: usize) -> Vec<(usize, f64)> {
+pub(super) fn overlaps(at: usize, cells: usize, texels: usize) -> Vec<(usize, f64)> {
     let bound = |k: usize| k as f64 * texels as f64 / cells as f64;
     let (start, end) = (bound(at), bound(at + 1));
     (start.floor() as usize..(end.ceil() as usize).min(texels))
