@@ -5,6 +5,9 @@ use toml::de::{DeTable, DeValue};
 
 use super::Mistake;
 
+/// Title of the table that holds all others.
+pub(super) const ROOT: &str = "manifest";
+
 /// Mistakes found so far.
 pub(super) struct Mistakes<'t> {
     text: &'t str,
@@ -105,6 +108,18 @@ impl<'a, 'i, 'm, 't> Fields<'a, 'i, 'm, 't> {
         }
     }
 
+    /// A mistake at this table.
+    pub(super) fn mistake_here(&mut self, message: impl FnOnce(&str) -> String) {
+        let message = message(&self.title);
+        self.mistakes.push_missing(self.start, message);
+    }
+
+    /// A mistake at the value of `key`, which names something that is not there.
+    pub(super) fn names_nothing(&mut self, key: &'static str, message: String) {
+        let start = self.table.get(key).map_or(self.start, |value| value.span().start);
+        self.mistakes.push_missing(start, message);
+    }
+
     /// A mistake at the value of `key`.
     pub(super) fn mistake(&mut self, key: &'static str, message: String) {
         let start = self.table.get(key).map_or(self.start, |value| value.span().start);
@@ -158,16 +173,67 @@ impl<'a, 'i, 'm, 't> Fields<'a, 'i, 'm, 't> {
         read: impl FnOnce(&mut Fields<'_, 'i, '_, 't>) -> T,
     ) -> Option<T> {
         let (start, value) = self.raw(key)?;
-        let Some(table) = value.get_ref().as_table() else {
+        let title = if self.is_root() { format!("[{key}]") } else { format!("{key} of {}", self.title) };
+        self.inner(key, title, start, value, read)
+    }
+
+    /// The tables of the array `key` through `read`, which gives `None` for a table with mistakes. They are called
+    /// `item` 1, 2, … in messages; there may be `min` to `max` of them.
+    pub(super) fn tables<T>(
+        &mut self,
+        key: &'static str,
+        item: &str,
+        [min, max]: [usize; 2],
+        mut read: impl FnMut(&mut Fields<'_, 'i, '_, 't>) -> Option<T>,
+    ) -> Option<Vec<T>> {
+        let wanted = match max {
+            1 => "an array of one table".into(),
+            _ => format!("an array of {min} to {max} tables"),
+        };
+        let (_, value) = self.raw(key)?;
+        let Some(items) = value.get_ref().as_array().filter(|items| items.len() >= min) else {
             let found = self.mistakes.excerpt(value);
-            self.mistakes.push(value.span().start, format!("`{key}` is `{found}`; wanted a table"));
+            self.mistakes.push(value.span().start, format!("`{key}` is `{found}`; wanted {wanted}"));
             return None;
         };
-        let title = if self.title.starts_with('[') { format!("{key} of {}", self.title) } else { format!("[{key}]") };
+        let read_all: Vec<Option<T>> = (1..)
+            .zip(items.iter())
+            .map(|(number, value)| {
+                let name = format!("{item} {number}");
+                let title = format!("{name} of {}", self.title);
+                self.inner(&name, title, value.span().start, value, &mut read).flatten()
+            })
+            .collect();
+        if let Some(surplus) = items.get(max) {
+            let message = format!("`{key}` has {} tables; wanted {wanted}", items.len());
+            self.mistakes.push(surplus.span().start, message);
+        }
+        read_all.into_iter().collect()
+    }
+
+    /// The table `value` inside this one through `read`.
+    fn inner<T>(
+        &mut self,
+        name: &str,
+        title: String,
+        start: usize,
+        value: &Spanned<DeValue<'i>>,
+        read: impl FnOnce(&mut Fields<'_, 'i, '_, 't>) -> T,
+    ) -> Option<T> {
+        let Some(table) = value.get_ref().as_table() else {
+            let found = self.mistakes.excerpt(value);
+            self.mistakes.push(value.span().start, format!("`{name}` is `{found}`; wanted a table"));
+            return None;
+        };
         let mut fields = Fields::new(table, title, start, self.mistakes);
         let read = read(&mut fields);
         fields.finish();
         Some(read)
+    }
+
+    /// Whether this is the whole manifest, whose tables have titles of their own.
+    fn is_root(&self) -> bool {
+        self.title == ROOT
     }
 
     /// Notes the keys that nobody asked for.
