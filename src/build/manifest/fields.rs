@@ -57,6 +57,18 @@ impl<'t> Mistakes<'t> {
     }
 }
 
+/// An array of tables.
+pub(super) struct Tables {
+    /// Its key.
+    pub(super) key: &'static str,
+    /// What one of them is called in messages, with its number from 1.
+    pub(super) item: &'static str,
+    /// The most of them; there is one at least.
+    pub(super) max: usize,
+    /// What it may be, for messages.
+    pub(super) wanted: &'static str,
+}
+
 /// The keys of one table.
 pub(super) struct Fields<'a, 'i, 'm, 't> {
     table: &'a DeTable<'i>,
@@ -64,12 +76,14 @@ pub(super) struct Fields<'a, 'i, 'm, 't> {
     start: usize,
     mistakes: &'m mut Mistakes<'t>,
     asked: Vec<&'static str>,
+    /// Whether keys that nobody asked for are mistakes.
+    are_keys_known: bool,
 }
 
 impl<'a, 'i, 'm, 't> Fields<'a, 'i, 'm, 't> {
     /// The table called `title`, whose header stands at byte `start`.
     pub(super) fn new(table: &'a DeTable<'i>, title: String, start: usize, mistakes: &'m mut Mistakes<'t>) -> Self {
-        Self { table, title, start, mistakes, asked: Vec::new() }
+        Self { table, title, start, mistakes, asked: Vec::new(), are_keys_known: true }
     }
 
     /// The value of `key`, if given, with the offset of the key.
@@ -177,21 +191,15 @@ impl<'a, 'i, 'm, 't> Fields<'a, 'i, 'm, 't> {
         self.inner(key, title, start, value, read)
     }
 
-    /// The tables of the array `key` through `read`, which gives `None` for a table with mistakes. They are called
-    /// `item` 1, 2, … in messages; there may be `min` to `max` of them.
+    /// The tables of an array through `read`, which gives `None` for a table with mistakes.
     pub(super) fn tables<T>(
         &mut self,
-        key: &'static str,
-        item: &str,
-        [min, max]: [usize; 2],
+        array: &Tables,
         mut read: impl FnMut(&mut Fields<'_, 'i, '_, 't>) -> Option<T>,
     ) -> Option<Vec<T>> {
-        let wanted = match max {
-            1 => "an array of one table".into(),
-            _ => format!("an array of {min} to {max} tables"),
-        };
+        let Tables { key, item, max, wanted } = *array;
         let (_, value) = self.raw(key)?;
-        let Some(items) = value.get_ref().as_array().filter(|items| items.len() >= min) else {
+        let Some(items) = value.get_ref().as_array().filter(|items| !items.is_empty()) else {
             let found = self.mistakes.excerpt(value);
             self.mistakes.push(value.span().start, format!("`{key}` is `{found}`; wanted {wanted}"));
             return None;
@@ -205,8 +213,7 @@ impl<'a, 'i, 'm, 't> Fields<'a, 'i, 'm, 't> {
             })
             .collect();
         if let Some(surplus) = items.get(max) {
-            let message = format!("`{key}` has {} tables; wanted {wanted}", items.len());
-            self.mistakes.push(surplus.span().start, message);
+            self.mistakes.push(surplus.span().start, format!("`{key}` has {} tables; wanted {wanted}", items.len()));
         }
         read_all.into_iter().collect()
     }
@@ -236,8 +243,16 @@ impl<'a, 'i, 'm, 't> Fields<'a, 'i, 'm, 't> {
         self.title == ROOT
     }
 
+    /// Lets every key pass: which ones there are cannot be said.
+    pub(super) fn excuse_keys(&mut self) {
+        self.are_keys_known = false;
+    }
+
     /// Notes the keys that nobody asked for.
     pub(super) fn finish(self) {
+        if !self.are_keys_known {
+            return;
+        }
         for key in self.table.keys().filter(|key| !self.asked.contains(&key.get_ref().as_ref())) {
             let name = key.get_ref();
             let hint = match closest(name, &self.asked) {

@@ -112,13 +112,11 @@ fn open<'a, 'i, 'm, 't>(
     mistakes: &'m mut Mistakes<'t>,
 ) -> Option<Fields<'a, 'i, 'm, 't>> {
     let start = name.span().start;
-    let name = name.get_ref();
-    if !is_file_safe(name) {
-        let message = format!(
-            "the name `{}` is not safe as a folder; wanted 1 to 64 letters, digits, `-` and `_`",
-            name.escape_default()
-        );
-        mistakes.push(start, message);
+    let is_safe = is_file_safe(name.get_ref());
+    let name = name.get_ref().escape_default();
+    if !is_safe {
+        let wanted = "1 to 64 letters, digits, `-` and `_`";
+        mistakes.push(start, format!("the name `{name}` is not safe as a folder; wanted {wanted}"));
     }
     let Some(table) = value.get_ref().as_table() else {
         mistakes.push(start, format!("`{kind}.{name}` is not a table; wanted `[{kind}.{name}]`"));

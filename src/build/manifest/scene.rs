@@ -10,7 +10,7 @@ pub use object::{Displacement, ObjectSpec};
 
 use toml::de::DeTable;
 
-use super::fields::Fields;
+use super::fields::{Fields, Tables};
 
 /// A scene to draw, as its manifest describes it.
 ///
@@ -32,8 +32,22 @@ pub struct SceneSpec {
 /// The most lights of a scene: each one takes samples from the others.
 pub const MAX_LIGHTS: usize = 16;
 
-/// The most objects of a scene in this version.
-const MAX_OBJECTS: usize = 1;
+/// The array of lights.
+const LIGHTS: Tables = Tables {
+    key: "lights",
+    item: "light",
+    max: MAX_LIGHTS,
+    wanted: "an array of 1 to 16 tables, as in `[{ type = \"constant\", radiance = [1, 1, 1] }]`",
+};
+
+/// The array of objects.
+const OBJECTS: Tables = Tables {
+    key: "objects",
+    item: "object",
+    max: 1,
+    wanted: "an array of one table (one object a scene in this version), as in \
+             `[{ mesh = \"plane\", surface = \"NAME\" }]`",
+};
 
 /// The longest side of an image in pixels: that of the largest map.
 const MAX_FILM: u64 = 16384;
@@ -48,12 +62,12 @@ const MAX_METRES: f64 = 1e9;
 /// then noted.
 pub(super) fn read(name: &str, mut fields: Fields<'_, '_, '_, '_>, surfaces: &DeTable<'_>) -> Option<SceneSpec> {
     fields.require("camera", "a table, as in `{ position = [0, 0.3, 0.4], target = [0, 0, 0], fov = 40 }`");
-    fields.require("lights", "an array, as in `[{ type = \"constant\", radiance = [1, 1, 1] }]`");
-    fields.require("objects", "an array, as in `[{ mesh = \"plane\", surface = \"NAME\" }]`");
+    fields.require(LIGHTS.key, LIGHTS.wanted);
+    fields.require(OBJECTS.key, OBJECTS.wanted);
     let camera = fields.table("camera", camera::read).flatten();
     let film = fields.table("film", read_film).unwrap_or([DEFAULT_FILM; 2]);
-    let lights = fields.tables("lights", "light", [1, MAX_LIGHTS], light::read);
-    let objects = fields.tables("objects", "object", [1, MAX_OBJECTS], |object| object::read(object, surfaces));
+    let lights = fields.tables(&LIGHTS, light::read);
+    let objects = fields.tables(&OBJECTS, |object| object::read(object, surfaces));
     fields.finish();
     Some(SceneSpec {
         name: name.into(),
@@ -68,3 +82,6 @@ pub(super) fn read(name: &str, mut fields: Fields<'_, '_, '_, '_>, surfaces: &De
 fn read_film(fields: &mut Fields<'_, '_, '_, '_>) -> [u64; 2] {
     ["width", "height"].map(|key| fields.integer(key, [1, MAX_FILM]).unwrap_or(DEFAULT_FILM))
 }
+
+#[cfg(test)]
+mod tests;

@@ -49,13 +49,6 @@ const TYPES: [&str; 4] = ["directional", "area", "constant", "image"];
 /// The types that are not rendered yet.
 const LATER_TYPES: [&str; 2] = ["point", "sh"];
 
-/// The keys of all types.
-const KEYS: [&str; 10] =
-    ["direction", "irradiance", "position", "target", "up", "size", "radiance", "file", "scale", "rotation"];
-
-/// The keys of [`LATER_TYPES`] alone.
-const LATER_KEYS: [&str; 2] = ["intensity", "coefficients"];
-
 /// The brightest light, in its own unit: single precision holds what is summed of it, and its square.
 const MAX_BRIGHTNESS: f64 = 1e9;
 
@@ -68,7 +61,7 @@ const MIN_ELEVATION: f64 = 1e-6;
 
 /// Reads a light; `None` where something is missing or wrong, which is then noted.
 pub(super) fn read(fields: &mut Fields<'_, '_, '_, '_>) -> Option<LightSpec> {
-    let wanted = TYPES.map(|name| format!("`\"{name}\"`")).join(", ");
+    let wanted = format!("one of {}", TYPES.map(|name| format!("`\"{name}\"`")).join(", "));
     fields.require("type", &wanted);
     let kind = fields.text("type", &wanted);
     match kind.as_deref() {
@@ -77,14 +70,12 @@ pub(super) fn read(fields: &mut Fields<'_, '_, '_, '_>) -> Option<LightSpec> {
         Some("constant") => brightness(fields, "radiance").map(|radiance| LightSpec::Constant { radiance }),
         Some("image") => read_image(fields),
         unknown => {
-            for key in KEYS.into_iter().chain(LATER_KEYS) {
-                let _ = fields.raw(key); // which keys belong to an unknown type cannot be said
-            }
+            fields.excuse_keys();
             let found = match unknown? {
                 later if LATER_TYPES.contains(&later) => format!("`type` `{later}` is not supported in this version"),
-                other => format!("`type` is `\"{other}\"`"),
+                other => format!("`type` is `\"{}\"`", other.escape_debug()),
             };
-            fields.mistake("type", format!("{found}; wanted one of {wanted}"));
+            fields.mistake("type", format!("{found}; wanted {wanted}"));
             None
         }
     }

@@ -3,7 +3,7 @@
 use toml::de::{DeTable, DeValue};
 
 use super::super::fields::{Fields, closest, integer, quoted};
-use super::super::surface;
+use super::super::{is_file_safe, surface};
 use super::MAX_METRES;
 
 /// A surface in a scene: a plane in the world's xz plane, centred at the origin, tiled by the surface.
@@ -49,13 +49,14 @@ pub(super) fn read(fields: &mut Fields<'_, '_, '_, '_>, surfaces: &DeTable<'_>) 
 /// Refuses every `mesh` but the plane, in words that fit.
 fn read_mesh(fields: &mut Fields<'_, '_, '_, '_>) {
     fields.require("mesh", MESH);
-    match fields.text("mesh", MESH).as_deref() {
-        None | Some("plane") => {}
-        Some(mesh) if mesh.contains(".glb") || mesh.contains(".gltf") => {
-            fields.mistake("mesh", format!("`mesh` `{mesh}` is not supported in this version; wanted {MESH}"));
-        }
-        Some(mesh) => fields.mistake("mesh", format!("`mesh` is `\"{mesh}\"`; wanted {MESH}")),
-    }
+    let Some(mesh) = fields.text("mesh", MESH).filter(|mesh| mesh != "plane") else { return };
+    let is_file = [".glb", ".gltf"].iter().any(|ending| mesh.contains(ending));
+    let mesh = mesh.escape_debug();
+    let message = match is_file {
+        true => format!("`mesh` `{mesh}` is not supported in this version; wanted {MESH}"),
+        false => format!("`mesh` is `\"{mesh}\"`; wanted {MESH}"),
+    };
+    fields.mistake("mesh", message);
 }
 
 /// The name of a surface that the manifest has.
@@ -68,13 +69,14 @@ fn read_surface(fields: &mut Fields<'_, '_, '_, '_>, surfaces: &DeTable<'_>) -> 
     if surfaces.contains_key(name.as_str()) {
         return Some(name);
     }
-    let known: Vec<&str> = surfaces.keys().map(|known| known.get_ref().as_ref()).collect();
+    let known = surfaces.keys().map(|known| known.get_ref().as_ref());
+    let known: Vec<&str> = known.filter(|known| is_file_safe(known)).collect();
     let hint = match closest(&name, &known) {
         Some(near) => format!("; did you mean `{near}`?"),
         None if known.is_empty() => String::new(),
         None => format!("; it has {}", quoted(&known)),
     };
-    fields.names_nothing("surface", format!("the manifest has no surface `{name}`{hint}"));
+    fields.names_nothing("surface", format!("the manifest has no surface `{}`{hint}", name.escape_debug()));
     None
 }
 
@@ -100,7 +102,8 @@ fn read_tiles(value: &DeValue<'_>) -> Option<[u32; 2]> {
 fn read_displacement(fields: &mut Fields<'_, '_, '_, '_>) -> Option<Displacement> {
     let (_, value) = fields.raw("displacement")?;
     if let Some(file) = value.get_ref().as_str() {
-        let form = format!("`{{ file = \"{file}\", amplitude = … }}` with metres per unit of the stored value");
+        let file = file.escape_debug();
+        let form = format!("`{{ file = \"{file}\", amplitude = … }}`, metres per unit of the stored value");
         fields.mistake("displacement", format!("`displacement` is a path alone; wanted {form}"));
         return None;
     }
