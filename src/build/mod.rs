@@ -15,7 +15,7 @@ pub mod record;
 mod run;
 
 pub use input::{Input, InputError};
-pub use manifest::{Manifest, Mistake, SurfaceSpec};
-pub use plan::{Plan, PlanError};
+pub use manifest::{Manifest, Mistake, SceneSpec, SurfaceSpec};
+pub use plan::{Plan, PlanError, ScenePlan};
 pub use record::{LevelRecord, StageSeconds};
 pub use run::{Event, Outcome, build};

@@ -1,9 +1,9 @@
-//! What a command line asks for: the surfaces of a manifest that are to be built.
+//! What a command line asks for: the surfaces of a manifest that are to be built, or a scene that is to be drawn.
 
 use std::path::{Path, PathBuf};
 
 use super::manifest::{Manifest, closest};
-use super::{Mistake, SurfaceSpec};
+use super::{Mistake, SceneSpec, SurfaceSpec};
 use crate::io::SourceFile;
 
 /// The longest manifest that is read.
@@ -49,24 +49,9 @@ impl PlanError {
 impl Plan {
     /// The surfaces `names` of the manifest at `path`; all of them where `names` is empty.
     pub fn read(path: &Path, names: &[String]) -> Result<Self, PlanError> {
-        let file = SourceFile::read(path).map_err(|error| {
-            let hint = if path.exists() { "" } else { "; `farfield init` makes one, `-m FILE` names another" };
-            PlanError::Unreadable(format!("{error}{hint}"))
-        })?;
-        if file.bytes().len() > MAX_MANIFEST_BYTES {
-            let found = file.bytes().len();
-            let line = format!("`{}`: has {found} bytes; wanted a manifest of at most 16 MiB", file.name());
-            return Err(PlanError::Unreadable(line));
-        }
-        let text = std::str::from_utf8(file.bytes()).map_err(|error| {
-            let line = format!("`{}`: byte {} is not UTF-8; wanted a text file", file.name(), error.valid_up_to());
-            PlanError::Unreadable(line)
-        })?;
-        let manifest =
-            Manifest::parse(text).map_err(|mistakes| PlanError::Mistakes { file: file.name().into(), mistakes })?;
-        let surfaces = choose(manifest.surfaces, names, file.name())?;
-        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-        Ok(Self { surfaces, folder })
+        let (manifest, file) = read_manifest(path)?;
+        let surfaces = choose(manifest.surfaces, names, &file)?;
+        Ok(Self { surfaces, folder: folder_of(path) })
     }
 
     /// The plan with another target for every surface.
@@ -76,6 +61,58 @@ impl Plan {
     }
 }
 
+/// A scene to draw, with the surfaces in it and the folder that its paths are relative to.
+#[derive(Clone, Debug)]
+pub struct ScenePlan {
+    /// The scene.
+    pub scene: SceneSpec,
+    /// The surfaces that its objects name, each once, in the manifest's order.
+    pub surfaces: Vec<SurfaceSpec>,
+    /// The manifest's folder.
+    pub folder: PathBuf,
+}
+
+impl ScenePlan {
+    /// The scene `name` of the manifest at `path`.
+    pub fn read(path: &Path, name: &str) -> Result<Self, PlanError> {
+        let (manifest, file) = read_manifest(path)?;
+        let known: Vec<&str> = manifest.scenes.iter().map(|scene| scene.name.as_str()).collect();
+        let Some(index) = known.iter().position(|known| *known == name) else {
+            return Err(PlanError::UnknownNames(vec![unknown_name("scene", name, &known, &file)]));
+        };
+        let Manifest { mut surfaces, mut scenes } = manifest;
+        let scene = scenes.swap_remove(index);
+        surfaces.retain(|surface| scene.objects.iter().any(|object| object.surface == surface.name));
+        Ok(Self { scene, surfaces, folder: folder_of(path) })
+    }
+}
+
+/// The manifest at `path`, and the file's name for messages.
+fn read_manifest(path: &Path) -> Result<(Manifest, String), PlanError> {
+    let file = SourceFile::read(path).map_err(|error| {
+        let hint = if path.exists() { "" } else { "; `farfield init` makes one, `-m FILE` names another" };
+        PlanError::Unreadable(format!("{error}{hint}"))
+    })?;
+    if file.bytes().len() > MAX_MANIFEST_BYTES {
+        let found = file.bytes().len();
+        let line = format!("`{}`: has {found} bytes; wanted a manifest of at most 16 MiB", file.name());
+        return Err(PlanError::Unreadable(line));
+    }
+    let text = std::str::from_utf8(file.bytes()).map_err(|error| {
+        let line = format!("`{}`: byte {} is not UTF-8; wanted a text file", file.name(), error.valid_up_to());
+        PlanError::Unreadable(line)
+    })?;
+    match Manifest::parse(text) {
+        Ok(manifest) => Ok((manifest, file.name().into())),
+        Err(mistakes) => Err(PlanError::Mistakes { file: file.name().into(), mistakes }),
+    }
+}
+
+/// The folder that paths in the manifest at `path` are relative to.
+fn folder_of(path: &Path) -> PathBuf {
+    path.parent().unwrap_or(Path::new("")).to_owned()
+}
+
 /// The surfaces with these names; all, if there are no names.
 fn choose(surfaces: Vec<SurfaceSpec>, names: &[String], file: &str) -> Result<Vec<SurfaceSpec>, PlanError> {
     if names.is_empty() {
@@ -83,14 +120,19 @@ fn choose(surfaces: Vec<SurfaceSpec>, names: &[String], file: &str) -> Result<Ve
     }
     let known: Vec<&str> = surfaces.iter().map(|surface| surface.name.as_str()).collect();
     let unknown = names.iter().filter(|name| !known.contains(&name.as_str()));
-    let lines: Vec<String> = unknown
-        .map(|name| match closest(name, &known) {
-            Some(near) => format!("`{file}` has no surface `{name}`; did you mean `{near}`?"),
-            None => format!("`{file}` has no surface `{name}`; it has `{}`", known.join("`, `")),
-        })
-        .collect();
+    let lines: Vec<String> = unknown.map(|name| unknown_name("surface", name, &known, file)).collect();
     if !lines.is_empty() {
         return Err(PlanError::UnknownNames(lines));
     }
     Ok(surfaces.into_iter().filter(|surface| names.contains(&surface.name)).collect())
+}
+
+/// That `file` has no `[KIND.NAME]` of this name.
+fn unknown_name(kind: &str, name: &str, known: &[&str], file: &str) -> String {
+    let hint = match closest(name, known) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None if known.is_empty() => format!("wanted a `[{kind}.{name}]` table"),
+        None => format!("it has `{}`", known.join("`, `")),
+    };
+    format!("`{file}` has no {kind} `{name}`; {hint}")
 }

@@ -2,13 +2,23 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use formats::asset::MAX_LEVELS;
 
 /// The version; whoever packages a certain commit names it in `FARFIELD_VERSION` at compile time.
 const VERSION: &str = match option_env!("FARFIELD_VERSION") {
     Some(version) => version,
     None => env!("CARGO_PKG_VERSION"),
 };
+
+/// What the number of a level may be, for messages.
+const LEVEL: &str = "the number of a level, 1 to 32";
+
+/// The most CPU seconds for one image: 11 days.
+const MAX_SECONDS: f64 = 1e6;
+
+/// The farthest exposure of a preview: beyond, single precision has no room left for the radiances themselves.
+const MAX_STOPS: f32 = 64.0;
 
 /// Prefiltering asset compiler for level-of-detail materials.
 #[derive(Debug, Parser)]
@@ -26,6 +36,10 @@ pub(super) enum Command {
     Init(InitArgs),
     /// Compile surfaces into assets
     Build(BuildArgs),
+    /// Draw a scene
+    Render(RenderArgs),
+    /// Compare assets with their originals, and report the difference
+    Verify(VerifyArgs),
     /// Show what is in an asset, and check its hashes
     Inspect(InspectArgs),
 }
@@ -78,6 +92,126 @@ pub(super) struct BuildArgs {
     pub(super) quiet: bool,
 }
 
+/// `farfield render`.
+#[derive(Args, Debug)]
+pub(super) struct RenderArgs {
+    /// The scene, as in `[scene.NAME]`
+    pub(super) scene: String,
+    /// The manifest
+    #[arg(short, long, value_name = "FILE", default_value = "farfield.toml")]
+    pub(super) manifest: PathBuf,
+    /// What stands for the surfaces
+    #[arg(long, value_enum, default_value = "farfield")]
+    pub(super) model: Model,
+    /// Level of the assets: `auto` chooses by the size of a pixel's footprint, 1 is the finest
+    #[arg(long, value_name = "auto|INDEX", default_value = "auto", value_parser = parse_lod)]
+    pub(super) lod: Lod,
+    /// The image: OpenEXR with its variance; must end in .exr
+    #[arg(short, long, value_name = "FILE", value_parser = parse_image)]
+    pub(super) output: PathBuf,
+    /// Samples a pixel
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub(super) spp: u32,
+    /// CPU seconds to spend, in place of a number of samples
+    #[arg(long, value_name = "SECONDS", conflicts_with = "spp", value_parser = parse_seconds)]
+    pub(super) time: Option<f64>,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Light that is followed [default: that of the asset]
+    #[arg(long, value_enum)]
+    pub(super) integrator: Option<Integrator>,
+    /// Folder of the assets: OUT/NAME/asset.json
+    #[arg(long, value_name = "DIR", default_value = "lod")]
+    pub(super) out: PathBuf,
+    /// Threads [default: one a processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(super) jobs: Option<u16>,
+    /// Write a preview beside the image: 8-bit PNG, sRGB
+    #[arg(long)]
+    pub(super) png: bool,
+    /// Stops by which the preview is brighter
+    #[arg(long, value_name = "E", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(requires = "png", value_parser = parse_stops)]
+    pub(super) exposure: f32,
+    /// Report warnings and errors alone
+    #[arg(short, long)]
+    pub(super) quiet: bool,
+}
+
+/// What stands for a surface in an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Model {
+    /// The compiled asset
+    Farfield,
+    /// The original at full resolution
+    Full,
+    /// Averaged heights with the base BRDF
+    Naive,
+    /// The asset's normal distribution without its scaling
+    Lobes,
+    /// One Beckmann lobe from the moments of the slopes
+    Leadr,
+}
+
+/// A level of an asset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Lod {
+    /// By the size of a pixel's footprint.
+    Auto,
+    /// This one, from 1.
+    Level(usize),
+}
+
+/// The light that paths follow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Integrator {
+    /// From the lights to a surface to the camera
+    Direct,
+    /// From surface to surface, too
+    Path,
+}
+
+/// `farfield verify`.
+#[derive(Args, Debug)]
+pub(super) struct VerifyArgs {
+    /// Surfaces to verify; all of the manifest, if none is named
+    pub(super) names: Vec<String>,
+    /// The manifest
+    #[arg(short, long, value_name = "FILE", default_value = "farfield.toml")]
+    pub(super) manifest: PathBuf,
+    /// Folder of the assets: OUT/NAME/asset.json
+    #[arg(long, value_name = "DIR", default_value = "lod")]
+    pub(super) out: PathBuf,
+    /// Folder of the report: DIR/report.html, DIR/report.json
+    #[arg(long, value_name = "DIR", default_value = "report")]
+    pub(super) report: PathBuf,
+    /// Pixels a side of the images
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(16..=512))]
+    pub(super) size: u32,
+    /// Samples a pixel of each of the two halves of an image
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(4..=65536))]
+    pub(super) spp: u32,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Verify this level alone, from 1
+    #[arg(long, value_name = "INDEX", value_parser = parse_level)]
+    pub(super) level: Option<usize>,
+    /// Threads [default: one a processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(super) jobs: Option<u16>,
+    /// One JSON object a line on stdout
+    #[arg(long)]
+    pub(super) json: bool,
+    /// Report every image
+    #[arg(short, long, conflicts_with = "quiet")]
+    pub(super) verbose: bool,
+    /// Report warnings and errors alone
+    #[arg(short, long)]
+    pub(super) quiet: bool,
+}
+
 /// `farfield inspect`.
 #[derive(Args, Debug)]
 pub(super) struct InspectArgs {
@@ -93,5 +227,46 @@ fn parse_error(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(error) if error > 0.0 && error <= 1.0 => Ok(error),
         _ => Err("wanted a number greater than 0 and at most 1".into()),
+    }
+}
+
+/// `auto` or the number of a level.
+fn parse_lod(text: &str) -> Result<Lod, String> {
+    match text {
+        "auto" => Ok(Lod::Auto),
+        _ => parse_level(text).map(Lod::Level).map_err(|_| format!("wanted `auto` or {LEVEL}")),
+    }
+}
+
+/// The number of a level.
+fn parse_level(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(index) if (1..=MAX_LEVELS).contains(&index) => Ok(index),
+        _ => Err(format!("wanted {LEVEL}")),
+    }
+}
+
+/// The path of an OpenEXR image.
+fn parse_image(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match path.extension() {
+        Some(extension) if extension.eq_ignore_ascii_case("exr") => Ok(path),
+        _ => Err("wanted a path that ends in .exr".into()),
+    }
+}
+
+/// A time to spend.
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if seconds > 0.0 && seconds <= MAX_SECONDS => Ok(seconds),
+        _ => Err("wanted seconds, greater than 0 and at most 1000000".into()),
+    }
+}
+
+/// An exposure.
+fn parse_stops(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(stops) if stops.abs() <= MAX_STOPS => Ok(stops),
+        _ => Err("wanted stops from -64 to 64".into()),
     }
 }

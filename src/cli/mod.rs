@@ -8,6 +8,8 @@ mod build;
 mod init;
 mod inspect;
 mod progress;
+mod render;
+mod verify;
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -37,6 +39,8 @@ pub fn main() -> ExitCode {
     ExitCode::from(match cli.command {
         Command::Init(args) => init::run(&args),
         Command::Build(args) => build::run(&args),
+        Command::Render(args) => render::run(&args),
+        Command::Verify(args) => verify::run(&args),
         Command::Inspect(args) => inspect::run(&args),
     })
 }

@@ -5,6 +5,9 @@ use toml::de::{DeTable, DeValue};
 
 use super::Mistake;
 
+/// Title of the table that holds all others.
+pub(super) const ROOT: &str = "manifest";
+
 /// Mistakes found so far.
 pub(super) struct Mistakes<'t> {
     text: &'t str,
@@ -54,6 +57,18 @@ impl<'t> Mistakes<'t> {
     }
 }
 
+/// An array of tables.
+pub(super) struct Tables {
+    /// Its key.
+    pub(super) key: &'static str,
+    /// What one of them is called in messages, with its number from 1.
+    pub(super) item: &'static str,
+    /// The most of them; there is one at least.
+    pub(super) max: usize,
+    /// What it may be, for messages.
+    pub(super) wanted: &'static str,
+}
+
 /// The keys of one table.
 pub(super) struct Fields<'a, 'i, 'm, 't> {
     table: &'a DeTable<'i>,
@@ -61,12 +76,14 @@ pub(super) struct Fields<'a, 'i, 'm, 't> {
     start: usize,
     mistakes: &'m mut Mistakes<'t>,
     asked: Vec<&'static str>,
+    /// Whether keys that nobody asked for are mistakes.
+    are_keys_known: bool,
 }
 
 impl<'a, 'i, 'm, 't> Fields<'a, 'i, 'm, 't> {
     /// The table called `title`, whose header stands at byte `start`.
     pub(super) fn new(table: &'a DeTable<'i>, title: String, start: usize, mistakes: &'m mut Mistakes<'t>) -> Self {
-        Self { table, title, start, mistakes, asked: Vec::new() }
+        Self { table, title, start, mistakes, asked: Vec::new(), are_keys_known: true }
     }
 
     /// The value of `key`, if given, with the offset of the key.
@@ -103,6 +120,18 @@ impl<'a, 'i, 'm, 't> Fields<'a, 'i, 'm, 't> {
         if !self.has(key) {
             self.mistakes.push_missing(self.start, format!("`{}` has no `{key}`; wanted {wanted}", self.title));
         }
+    }
+
+    /// A mistake at this table.
+    pub(super) fn mistake_here(&mut self, message: impl FnOnce(&str) -> String) {
+        let message = message(&self.title);
+        self.mistakes.push_missing(self.start, message);
+    }
+
+    /// A mistake at the value of `key`, which names something that is not there.
+    pub(super) fn names_nothing(&mut self, key: &'static str, message: String) {
+        let start = self.table.get(key).map_or(self.start, |value| value.span().start);
+        self.mistakes.push_missing(start, message);
     }
 
     /// A mistake at the value of `key`.
@@ -158,20 +187,72 @@ impl<'a, 'i, 'm, 't> Fields<'a, 'i, 'm, 't> {
         read: impl FnOnce(&mut Fields<'_, 'i, '_, 't>) -> T,
     ) -> Option<T> {
         let (start, value) = self.raw(key)?;
-        let Some(table) = value.get_ref().as_table() else {
+        let title = if self.is_root() { format!("[{key}]") } else { format!("{key} of {}", self.title) };
+        self.inner(key, title, start, value, read)
+    }
+
+    /// The tables of an array through `read`, which gives `None` for a table with mistakes.
+    pub(super) fn tables<T>(
+        &mut self,
+        array: &Tables,
+        mut read: impl FnMut(&mut Fields<'_, 'i, '_, 't>) -> Option<T>,
+    ) -> Option<Vec<T>> {
+        let Tables { key, item, max, wanted } = *array;
+        let (_, value) = self.raw(key)?;
+        let Some(items) = value.get_ref().as_array().filter(|items| !items.is_empty()) else {
             let found = self.mistakes.excerpt(value);
-            self.mistakes.push(value.span().start, format!("`{key}` is `{found}`; wanted a table"));
+            self.mistakes.push(value.span().start, format!("`{key}` is `{found}`; wanted {wanted}"));
             return None;
         };
-        let title = if self.title.starts_with('[') { format!("{key} of {}", self.title) } else { format!("[{key}]") };
+        let read_all: Vec<Option<T>> = (1..)
+            .zip(items.iter())
+            .map(|(number, value)| {
+                let name = format!("{item} {number}");
+                let title = format!("{name} of {}", self.title);
+                self.inner(&name, title, value.span().start, value, &mut read).flatten()
+            })
+            .collect();
+        if let Some(surplus) = items.get(max) {
+            self.mistakes.push(surplus.span().start, format!("`{key}` has {} tables; wanted {wanted}", items.len()));
+        }
+        read_all.into_iter().collect()
+    }
+
+    /// The table `value` inside this one through `read`.
+    fn inner<T>(
+        &mut self,
+        name: &str,
+        title: String,
+        start: usize,
+        value: &Spanned<DeValue<'i>>,
+        read: impl FnOnce(&mut Fields<'_, 'i, '_, 't>) -> T,
+    ) -> Option<T> {
+        let Some(table) = value.get_ref().as_table() else {
+            let found = self.mistakes.excerpt(value);
+            self.mistakes.push(value.span().start, format!("`{name}` is `{found}`; wanted a table"));
+            return None;
+        };
         let mut fields = Fields::new(table, title, start, self.mistakes);
         let read = read(&mut fields);
         fields.finish();
         Some(read)
     }
 
+    /// Whether this is the whole manifest, whose tables have titles of their own.
+    fn is_root(&self) -> bool {
+        self.title == ROOT
+    }
+
+    /// Lets every key pass: which ones there are cannot be said.
+    pub(super) fn excuse_keys(&mut self) {
+        self.are_keys_known = false;
+    }
+
     /// Notes the keys that nobody asked for.
     pub(super) fn finish(self) {
+        if !self.are_keys_known {
+            return;
+        }
         for key in self.table.keys().filter(|key| !self.asked.contains(&key.get_ref().as_ref())) {
             let name = key.get_ref();
             let hint = match closest(name, &self.asked) {

@@ -1,4 +1,4 @@
-//! The manifest `farfield.toml`: what is built, from what, and how.
+//! The manifest `farfield.toml`: what is built, from what, and how; and what is drawn.
 //!
 //! [`Manifest::parse`] takes text and touches no file. It finds every mistake of the text in one run; a [`Mistake`]
 //! knows its line and column. Lengths are metres, colours linear RGB, paths relative to the manifest.
@@ -6,11 +6,15 @@
 mod bsdf;
 mod fields;
 mod mistake;
+mod scene;
 mod surface;
 
 pub(crate) use fields::closest;
 pub use mistake::Mistake;
+pub use scene::{CameraSpec, Displacement, LightSpec, MAX_LIGHTS, ObjectSpec, Projection, SceneSpec};
 pub use surface::SurfaceSpec;
+
+use std::borrow::Cow;
 
 use fields::{Fields, Mistakes};
 use toml::Spanned;
@@ -27,6 +31,8 @@ const ERROR_WANTED: &str = "a number greater than 0 and at most 1";
 pub struct Manifest {
     /// The surfaces, by name.
     pub surfaces: Vec<SurfaceSpec>,
+    /// The scenes, by name; one may share its name with a surface.
+    pub scenes: Vec<SceneSpec>,
 }
 
 impl Manifest {
@@ -37,9 +43,9 @@ impl Manifest {
         for error in &errors {
             mistakes.push_syntax(error.span().map_or(0, |span| span.start), syntax_message(error.message()));
         }
-        let surfaces = read_root(root.get_ref(), &mut mistakes);
+        let manifest = read_root(root.get_ref(), &mut mistakes);
         match mistakes.finish() {
-            mistakes if mistakes.is_empty() => Ok(Self { surfaces }),
+            mistakes if mistakes.is_empty() => Ok(manifest),
             mistakes => Err(mistakes),
         }
     }
@@ -55,26 +61,42 @@ fn syntax_message(message: &str) -> String {
 }
 
 /// The tables of the document.
-fn read_root(root: &DeTable<'_>, mistakes: &mut Mistakes<'_>) -> Vec<SurfaceSpec> {
-    let mut fields = Fields::new(root, "manifest".into(), 0, mistakes);
+fn read_root(root: &DeTable<'_>, mistakes: &mut Mistakes<'_>) -> Manifest {
+    let mut fields = Fields::new(root, fields::ROOT.into(), 0, mistakes);
     let error = fields.table("build", |build| build.number("error", ERROR_WANTED, is_error)).flatten();
-    let surfaces = fields.raw("surface").and_then(|(_, value)| value.get_ref().as_table());
-    let has_surfaces = fields.has("surface");
+    let (surfaces, scenes) = (fields.raw("surface"), fields.raw("scene"));
     fields.refuse("volume", "volumes are not supported in this version; wanted `[surface.NAME]` tables");
-    fields.refuse("scene", "scenes are not supported in this version; wanted `[surface.NAME]` tables");
     fields.finish();
-    if !has_surfaces {
+    if surfaces.is_none() {
         mistakes.push_missing(0, "the manifest has no `[surface.NAME]` table; wanted at least one".into());
     }
-    let Some(surfaces) = surfaces else {
-        if let Some((key, _)) = root.get_key_value("surface") {
-            mistakes.push(key.span().start, "`surface` is not a table; wanted `[surface.NAME]`".into());
-        }
-        return Vec::new();
-    };
+    let none = DeTable::default();
+    let surfaces = named_tables("surface", surfaces, mistakes).unwrap_or(&none);
+    let scenes = named_tables("scene", scenes, mistakes).unwrap_or(&none);
     check_case(surfaces, mistakes);
     let error = error.unwrap_or(DEFAULT_ERROR);
-    surfaces.iter().filter_map(|(name, value)| read_surface(name, value, error, mistakes)).collect()
+    let surface_specs = surfaces
+        .iter()
+        .filter_map(|(name, value)| surface::read(name.get_ref(), open("surface", name, value, mistakes)?, error));
+    let surface_specs = surface_specs.collect();
+    let scene_specs = scenes
+        .iter()
+        .filter_map(|(name, value)| scene::read(name.get_ref(), open("scene", name, value, mistakes)?, surfaces));
+    Manifest { surfaces: surface_specs, scenes: scene_specs.collect() }
+}
+
+/// The table whose entries are `[KIND.NAME]`s.
+fn named_tables<'a, 'i>(
+    kind: &str,
+    entry: Option<(usize, &'a Spanned<DeValue<'i>>)>,
+    mistakes: &mut Mistakes<'_>,
+) -> Option<&'a DeTable<'i>> {
+    let (start, value) = entry?;
+    let table = value.get_ref().as_table();
+    if table.is_none() {
+        mistakes.push(start, format!("`{kind}` is not a table; wanted `[{kind}.NAME]`"));
+    }
+    table
 }
 
 /// Whether a number may be an `error`.
@@ -82,27 +104,25 @@ fn is_error(value: f64) -> bool {
     value > 0.0 && value <= 1.0
 }
 
-/// One `[surface.NAME]`.
-fn read_surface(
-    name: &Spanned<std::borrow::Cow<'_, str>>,
-    value: &Spanned<DeValue<'_>>,
-    error: f64,
-    mistakes: &mut Mistakes<'_>,
-) -> Option<SurfaceSpec> {
+/// The keys of one `[KIND.NAME]`, its name checked.
+fn open<'a, 'i, 'm, 't>(
+    kind: &str,
+    name: &Spanned<Cow<'_, str>>,
+    value: &'a Spanned<DeValue<'i>>,
+    mistakes: &'m mut Mistakes<'t>,
+) -> Option<Fields<'a, 'i, 'm, 't>> {
     let start = name.span().start;
-    let name = name.get_ref();
-    if !is_file_safe(name) {
-        let message = format!(
-            "the name `{}` is not safe as a folder; wanted 1 to 64 letters, digits, `-` and `_`",
-            name.escape_default()
-        );
-        mistakes.push(start, message);
+    let is_safe = is_file_safe(name.get_ref());
+    let name = name.get_ref().escape_default();
+    if !is_safe {
+        let wanted = "1 to 64 letters, digits, `-` and `_`";
+        mistakes.push(start, format!("the name `{name}` is not safe as a folder; wanted {wanted}"));
     }
     let Some(table) = value.get_ref().as_table() else {
-        mistakes.push(start, format!("`surface.{name}` is not a table; wanted `[surface.{name}]`"));
+        mistakes.push(start, format!("`{kind}.{name}` is not a table; wanted `[{kind}.{name}]`"));
         return None;
     };
-    surface::read(name, Fields::new(table, format!("[surface.{name}]"), start, mistakes), error)
+    Some(Fields::new(table, format!("[{kind}.{name}]"), start, mistakes))
 }
 
 /// Whether a name can be a folder on every system.

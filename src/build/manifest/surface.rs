@@ -1,6 +1,6 @@
 //! The keys of a `[surface.NAME]`.
 
-use toml::de::DeValue;
+use toml::de::{DeTable, DeValue};
 
 use super::fields::{Fields, numbers};
 use super::{ERROR_WANTED, bsdf, is_error};
@@ -96,6 +96,11 @@ pub(super) fn read(name: &str, mut fields: Fields<'_, '_, '_, '_>, default_error
         levels: factors?.into_iter().map(|factor| LevelSettings { factor: factor as f32, ..tables }).collect(),
         error,
     })
+}
+
+/// Whether a `[surface.NAME]` asks for `clamp`, whatever else is wrong with it.
+pub(super) fn is_clamped(surface: &DeTable<'_>) -> bool {
+    surface.get("boundary").and_then(|value| read_boundary(value.get_ref())) == Some(Boundary::Clamp)
 }
 
 /// `repeat` or `clamp`.
