@@ -123,7 +123,7 @@ fn main() {
     let tracers = [&HeightTracer::new(&heights), &HeightTracer::new(&coarse)];
     let table = TableDirections::new(N);
     let diffuse = Brdf { diffuse: [0.5; 3], specular: None };
-    let glossy = Brdf { diffuse: [0.0; 3], specular: Some(Conductor { alpha: 0.3, f0: [0.9; 3] }) };
+    let glossy = Brdf { diffuse: [0.0; 3], specular: Some(Conductor::ggx(0.3, [0.9; 3])) };
     for (name, brdf) in [("diffuse 0.5", diffuse), ("GGX 0.3", glossy)] {
         let bins = Stream::new(1, 0);
         let node = |k: u64| (bins.bits(k) % (N * N) as u64) as usize;

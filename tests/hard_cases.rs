@@ -277,8 +277,8 @@ fn bases_from_mirrors_to_chalk_survive() {
             Case::new(format!("noise, GGX {alpha}"), noisy()).base(ggx(alpha)),
         ]);
     }
-    let black_metal = Brdf { diffuse: [0.0; 3], specular: Some(Conductor { alpha: 0.3, f0: [0.0; 3] }) };
-    let gold = Brdf { diffuse: [1.0, 0.0, 0.0], specular: Some(Conductor { alpha: 0.2, f0: [1.0, 0.7, 0.0] }) };
+    let black_metal = Brdf { diffuse: [0.0; 3], specular: Some(Conductor::ggx(0.3, [0.0; 3])) };
+    let gold = Brdf { diffuse: [1.0, 0.0, 0.0], specular: Some(Conductor::ggx(0.2, [1.0, 0.7, 0.0])) };
     run_all([
         Case::new("hills, albedo 0", hills()).base(diffuse(0.0)).within(0.0),
         Case::new("hills, albedo 1", hills()).base(diffuse(1.0)).within(0.05),

@@ -173,7 +173,7 @@ mod tests {
     fn a_flat_plane_keeps_its_brdf() {
         let field = HeightField::new(vec![0.7; 35], [7, 5], [1.0, 2.0], Boundary::Repeat);
         let tracer = HeightTracer::new(&field);
-        let brdf = Brdf { diffuse: [0.1, 0.5, 0.9], specular: Some(Conductor { alpha: 0.3, f0: [0.9, 0.5, 0.1] }) };
+        let brdf = Brdf { diffuse: [0.1, 0.5, 0.9], specular: Some(Conductor::ggx(0.3, [0.9, 0.5, 0.1])) };
         for [wi, wo] in [[towards(0.3, 1.0), towards(1.0, 4.0)], [towards(1.55, 0.0), towards(1.5, PI)]] {
             let f = reflectance(&tracer, &patch(4, 1), [wi, wo], |p| base_scatter(&brdf, p.normal, wi, wo));
             let expected = brdf.eval(Vec3::Z, wi, wo).map(|f| f * wi.z * wo.z);

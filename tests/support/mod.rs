@@ -23,7 +23,7 @@ pub(crate) fn diffuse(albedo: f32) -> Brdf {
 
 /// A GGX base without a diffuse part.
 pub(crate) fn ggx(alpha: f32) -> Brdf {
-    Brdf { diffuse: [0.0; 3], specular: Some(Conductor { alpha, f0: [0.9, 0.7, 0.5] }) }
+    Brdf { diffuse: [0.0; 3], specular: Some(Conductor::ggx(alpha, [0.9, 0.7, 0.5])) }
 }
 
 /// Both parts.

@@ -61,7 +61,7 @@ fn read_conductor(fields: &mut Fields<'_, '_, '_, '_>) -> Option<Conductor> {
     }
     let f0 = rgb(fields, "specular");
     let alpha = read_roughness(fields);
-    Some(Conductor { alpha: alpha?, f0: f0? })
+    Some(Conductor::ggx(alpha?, f0?))
 }
 
 /// α of GGX.

@@ -348,7 +348,7 @@ mod tests {
     use crate::geometry::{Boundary, HeightField};
     use crate::material::Conductor;
 
-    const GLOSSY: Brdf = Brdf { diffuse: [0.5, 0.3, 0.1], specular: Some(Conductor { alpha: 0.3, f0: [0.9; 3] }) };
+    const GLOSSY: Brdf = Brdf { diffuse: [0.5, 0.3, 0.1], specular: Some(Conductor::ggx(0.3, [0.9; 3])) };
 
     fn towards(theta: f32, phi: f32) -> Vec3 {
         Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
