@@ -7,8 +7,10 @@
 
 mod height_field;
 mod patch;
-mod quadtree;
+mod pyramid;
+mod tiles;
 pub mod tracer;
+mod wide_ray;
 
 pub use height_field::{Boundary, HeightField};
 pub use tracer::{HeightTracer, Hit, Ray, SurfacePoint};
