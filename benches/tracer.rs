@@ -3,21 +3,23 @@
 //! Directions are random throughout. "Points in order" start in rows of blocks of 8 × 8 texels, as stratified points do;
 //! the others start anywhere, and wait for memory more than half of the time.
 
+#[path = "../tests/tracing_cwbvh/reference.rs"]
+mod reference;
+
+use cpu_time::ThreadTime;
 use farfield::geometry::{Boundary, HeightField, HeightTracer, Ray, SurfacePoint};
 use farfield::math::rng::Stream;
 use glam::{DVec3, Vec3};
+use reference::{Bounce, CellBvh, bounces, fixture};
 
 /// Amplitude of `fixtures/heights/twill.png` in texels.
 const TWILL_AMPLITUDE: f32 = 24.415_19;
+/// Amplitude of `fixtures/rocks/height.png` in texels.
+const ROCKS_AMPLITUDE: f32 = 35.9;
 const RAYS: u64 = 1 << 20;
-
-fn twill() -> HeightField {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/heights/twill.png");
-    let image = image::open(path).expect("a fixture of this repository").into_luma16();
-    let size = [image.width() as usize, image.height() as usize];
-    let heights = image.into_raw().into_iter().map(|code| f32::from(code) / 65535.0 * TWILL_AMPLITUDE).collect();
-    HeightField::new(heights, size, [1.0, 1.0], Boundary::Repeat)
-}
+/// Batches of bounce rays, and rays in each: one after the other by every tracer, so that all meet the same noise.
+const BATCHES: usize = 16;
+const BATCH_RAYS: usize = 1 << 16;
 
 /// Uniform in solid angle between two cosines.
 fn direction(rng: Stream, k: u64, cosines: [f32; 2]) -> Vec3 {
@@ -34,21 +36,11 @@ fn point(rng: Stream, k: u64, field: &HeightField) -> SurfacePoint {
     SurfacePoint { cell: place.map(|x| x as usize), st: place.map(f32::fract) }
 }
 
-/// CPU seconds of this thread where the system tells (other programs may share the core), else the time of day.
-fn core_seconds() -> f64 {
-    let scheduled = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = scheduled.and_then(|line| line.split(' ').next().and_then(|first| first.parse::<f64>().ok()));
-    nanoseconds.map_or_else(
-        || std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).expect("after 1970").as_secs_f64(),
-        |ns| ns * 1e-9,
-    )
-}
-
 /// Prints rays a second of `trace`, called for each of `rays`; `true` counts.
 fn report(name: &str, rays: u64, trace: impl Fn(u64) -> bool) {
-    let start = core_seconds();
+    let start = ThreadTime::now();
     let found = (0..rays).filter(|&k| trace(k)).count();
-    let seconds = core_seconds() - start;
+    let seconds = start.elapsed().as_secs_f64();
     println!(
         "tracer/{name}: {:.3} million rays a core-second, {:.1} % found",
         rays as f64 / seconds / 1e6,
@@ -77,13 +69,65 @@ fn marched(high: f32, tracer: &HeightTracer, point: SurfacePoint, direction: Vec
     false
 }
 
+/// Prints bounce rays a second on one map by the tracer and by the reference, batch by batch in turn.
+fn bounce_rays(name: &str, path: &str, amplitude: f32) {
+    let [tiled, single] = [Boundary::Repeat, Boundary::Clamp].map(|boundary| fixture(path, amplitude, boundary));
+    let [tiled_tracer, single_tracer] = [&tiled, &single].map(HeightTracer::new);
+    let bvh = CellBvh::new(&single);
+    let rays = bounces(&tiled_tracer, BATCHES * BATCH_RAYS, Stream::new(7, 0));
+    let texels = (tiled.size()[0] * tiled.size()[1]) as f64;
+    let ways: [(&str, f64, &dyn Fn(&[Bounce]) -> usize); 3] = [
+        ("tiled", tiled_tracer.bytes() as f64 + 4.0 * texels, &|rays| {
+            rays.iter().filter(|ray| tiled_tracer.intersect_from(ray.point, ray.direction).is_some()).count()
+        }),
+        ("one tile", single_tracer.bytes() as f64 + 4.0 * texels, &|rays| {
+            rays.iter().filter(|ray| single_tracer.intersect_from(ray.point, ray.direction).is_some()).count()
+        }),
+        ("one tile, CWBVH", bvh.bytes() as f64, &|rays| {
+            rays.iter().filter(|ray| bvh.first_hit(&single, ray).is_some()).count()
+        }),
+    ];
+    let mut seconds = [const { Vec::new() }; 3];
+    let mut found = [0; 3];
+    for batch in rays.chunks(BATCH_RAYS) {
+        for (k, (_, _, trace)) in ways.iter().enumerate() {
+            let start = ThreadTime::now();
+            found[k] += trace(batch);
+            seconds[k].push(start.elapsed().as_secs_f64());
+        }
+    }
+    let ratio = |k: usize| median((0..BATCHES).map(|b| seconds[2][b] / seconds[k][b]).collect());
+    for (k, (way, bytes, _)) in ways.iter().enumerate() {
+        let speed = |s: f64| BATCH_RAYS as f64 / s / 1e6;
+        println!(
+            "tracer/bounce, {name}, {way}: {:.3} million rays a core-second (best batch {:.3}), {:.2} times the CWBVH, \
+             {:.1} % found, {:.1} bytes a texel",
+            speed(median(seconds[k].clone())),
+            speed(seconds[k].iter().copied().fold(f64::INFINITY, f64::min)),
+            ratio(k),
+            100.0 * found[k] as f64 / rays.len() as f64,
+            bytes / texels
+        );
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
 fn main() {
-    let field = twill();
-    let start = core_seconds();
+    bounce_rays("twill", "heights/twill.png", TWILL_AMPLITUDE);
+    bounce_rays("rocks", "rocks/height.png", ROCKS_AMPLITUDE);
+    if std::env::args().any(|a| a == "bounce") {
+        return;
+    }
+    let field = fixture("heights/twill.png", TWILL_AMPLITUDE, Boundary::Repeat);
+    let start = ThreadTime::now();
     let tracer = HeightTracer::new(&field);
     println!(
         "tracer/build/1024²: {:.4} s, {:.1} bytes a texel beside the heights",
-        core_seconds() - start,
+        start.elapsed().as_secs_f64(),
         tracer.bytes() as f64 / 1048576.0
     );
     let high = field.range()[1];

@@ -9,8 +9,10 @@ mod displaced_plane;
 mod height_field;
 mod large_shape;
 mod patch;
-mod quadtree;
+mod pyramid;
+mod tiles;
 pub mod tracer;
+mod wide_ray;
 
 pub use displaced_plane::{DisplacedPlane, PlaneHit};
 pub use height_field::{Boundary, HeightField};

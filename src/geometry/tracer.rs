@@ -7,7 +7,8 @@
 use glam::{DVec3, Vec3};
 
 use super::patch::{CellRay, Patch, Side};
-use super::quadtree::{Block, Candidate, Quadtree};
+use super::pyramid::{Block, Candidate, Pyramid, cell_bits};
+use super::wide_ray::{Magnitude, WideRay};
 use super::{Boundary, HeightField};
 
 /// A point on the surface: a cell and the fraction (s, t) ∈ [0, 1]² of it along u and v.
@@ -45,7 +46,8 @@ pub struct Hit {
 #[derive(Clone, Debug)]
 pub struct HeightTracer<'a> {
     heights: &'a HeightField,
-    tree: Quadtree<'a>,
+    pyramid: Pyramid,
+    magnitude: Magnitude,
     /// Lowest and highest vertex with a margin of a few `tolerance`, metres: outside of it there is no surface.
     slab: [f64; 2],
     /// Metres by which a ray may dip below the surface without being stopped: what rounding in `f64` makes of 0.
@@ -77,19 +79,16 @@ const REACH_PERIODS_ALONG_AXIS: f64 = 2.0;
 const TOLERANCE: [f64; 2] = [1e-12, 1e-14];
 /// Margin of the slab of heights in tolerances: a ray that leaves it has crossed by more than the tolerance.
 const SLAB_MARGIN: f64 = 4.0;
-/// Finest level to start at: below it, walking from block to block costs more than testing the nodes.
-const FINEST_BLOCK: u32 = 2;
-
 impl<'a> HeightTracer<'a> {
     /// Builds the quadtree: 1.4 bytes a texel beside the heights, which stay borrowed.
     pub fn new(heights: &'a HeightField) -> Self {
         let range = heights.range();
         debug_assert!(range.iter().all(|h| h.is_finite()), "heights are finite");
-        let tree = Quadtree::new(heights, range);
         let [low, high] = range.map(f64::from);
         let tolerance = TOLERANCE[0] * (high - low) + TOLERANCE[1] * low.abs().max(high.abs());
         let slab = [low - SLAB_MARGIN * tolerance, high + SLAB_MARGIN * tolerance];
-        Self { heights, tree, slab, tolerance }
+        let magnitude = Magnitude { height: low.abs().max(high.abs()), step: largest_step(heights) };
+        Self { heights, pyramid: Pyramid::new(heights), magnitude, slab, tolerance }
     }
 
     /// The height field that is traced.
@@ -99,7 +98,7 @@ impl<'a> HeightTracer<'a> {
 
     /// Bytes that the tracer holds beside the heights.
     pub fn bytes(&self) -> usize {
-        self.tree.bytes()
+        self.pyramid.bytes()
     }
 
     /// Unit normal of the bilinear surface at `point`.
@@ -130,14 +129,14 @@ impl<'a> HeightTracer<'a> {
 
     /// The same for the first `t_max` of the half-line, in units of `direction`.
     pub fn occluded_within(&self, point: SurfacePoint, direction: Vec3, t_max: f64) -> bool {
-        self.tree.touch(point.cell);
+        self.pyramid.touch(point.cell);
         let ray = self.leaving(point, direction, t_max);
         let first = self.patch(point.cell);
         if !matches!(first.departure(&ray), (Side::Above, None)) {
             return true;
         }
         let stops = |cell: &Candidate| (cell.at != [0, 0] && cell.patch.stops(&ray, self.tolerance)).then_some(());
-        self.walk(&ray, point.cell, || Some(()), stops).is_some()
+        self.walk(&ray, Side::Above, point.cell, stops).is_some()
     }
 
     /// The first crossing of the surface by `ray`, from either side.
@@ -152,9 +151,9 @@ impl<'a> HeightTracer<'a> {
 
     fn first_crossing(&self, entry: Entry) -> Option<Hit> {
         let Entry { cell, plane, ray: local, side, t: t_start } = entry;
-        self.tree.touch(cell);
+        self.pyramid.touch(cell);
         let hit = |cell: &Candidate| cell.patch.crossing(&local, side, self.tolerance).map(|t| (t, *cell));
-        let found = self.walk(&local, cell, || None, hit)?;
+        let found = self.walk(&local, side, cell, hit)?;
         Some(self.hit(&local, plane, t_start, found))
     }
 
@@ -178,7 +177,7 @@ impl<'a> HeightTracer<'a> {
 
     /// The same for the first `t_max` of the half-line, in units of `direction`.
     pub fn intersect_from_within(&self, point: SurfacePoint, direction: Vec3, t_max: f64) -> Option<Hit> {
-        self.tree.touch(point.cell);
+        self.pyramid.touch(point.cell);
         let ray = self.leaving(point, direction, t_max);
         let (side, crossing) = self.patch(point.cell).departure(&ray);
         let hit = |cell: &Candidate| {
@@ -186,7 +185,7 @@ impl<'a> HeightTracer<'a> {
             let t = if own { crossing } else { cell.patch.crossing(&ray, side, self.tolerance) };
             t.map(|t| (t, *cell))
         };
-        let found = self.walk(&ray, point.cell, || None, hit)?;
+        let found = self.walk(&ray, side, point.cell, hit)?;
         Some(self.hit(&ray, point.cell.map(|x| x as f64), 0.0, found))
     }
 
@@ -200,7 +199,7 @@ impl<'a> HeightTracer<'a> {
 
     /// The patch of `cell` for a ray that starts in it.
     fn patch(&self, cell: [usize; 2]) -> Patch {
-        Patch { corners: self.heights.corners(cell[0], cell[1]).map(f64::from), cell: [0.0; 2] }
+        Patch { corners: self.pyramid.corners(cell).map(f64::from), cell: [0.0; 2] }
     }
 
     /// Cells a metre along u and v; v runs against y.
@@ -304,21 +303,22 @@ impl<'a> HeightTracer<'a> {
     fn walk<R>(
         &self,
         ray: &CellRay,
+        side: Side,
         cell: [usize; 2],
-        buried: impl Fn() -> Option<R>,
         leaf: impl Fn(&Candidate) -> Option<R>,
     ) -> Option<R> {
         let size = self.heights.size();
-        let node_ray = self.tree.prepare(ray);
+        let wide_ray = WideRay::new(ray, side, self.magnitude);
         let length = ray.t_end * ray.dir[0].abs().max(ray.dir[1].abs());
-        let level = block_level(length).clamp(FINEST_BLOCK.min(self.tree.top()), self.tree.top());
-        let block = 1usize << level;
+        let level = block_level(length).min(self.pyramid.top());
+        let bits = cell_bits(level);
+        let block = 1usize << bits;
         let count = size.map(|n| n.div_ceil(block));
-        let mut node = cell.map(|x| x >> level);
+        let mut node = cell.map(|x| x >> bits);
         let mut tile = cell.map(|x| -(x as i64));
         loop {
             let at = Block { level, node: node.map(|x| x as u32), tile: tile.map(|x| x as i32) };
-            let found = self.tree.search(&node_ray, at, &buried, &leaf);
+            let found = self.pyramid.search(&wide_ray, at, &leaf);
             if found.is_some() {
                 return found;
             }
@@ -351,5 +351,17 @@ impl<'a> HeightTracer<'a> {
 /// The level whose blocks are about as long as a ray over `cells` cells.
 #[inline]
 fn block_level(cells: f64) -> u32 {
-    (cells.clamp(1.0, REACH_CELLS[1]) as u32).next_power_of_two().trailing_zeros()
+    let bits = (cells.clamp(1.0, REACH_CELLS[1]) as u32).next_power_of_two().trailing_zeros();
+    (bits.saturating_sub(cell_bits(0)) + 1) / 2
+}
+
+/// Largest step between neighbouring vertices, metres.
+fn largest_step(heights: &HeightField) -> f64 {
+    let [nu, nv] = heights.size();
+    let mut largest = 0.0f32;
+    for (j, i) in (0..nv).flat_map(|j| (0..nu).map(move |i| (j, i))) {
+        let h = heights.vertex(i, j);
+        largest = largest.max((heights.vertex(i + 1, j) - h).abs()).max((heights.vertex(i, j + 1) - h).abs());
+    }
+    f64::from(largest)
 }
