@@ -1,10 +1,11 @@
-//! Light between surfaces: effective BRDFs of a patch by exact ray casts, with their variance.
+//! Light between surfaces: effective BRDFs of a patch by exact ray casts, with their variance, and lights to see by.
 //!
 //! [`effective`] samples points of a patch and what they see; F and A of either surface are sums over these points. Every
-//! mean travels with its variance and count as an [`Estimate`].
+//! mean travels with its variance and count as an [`Estimate`]. [`light`] holds what illuminates a scene.
 
 pub mod effective;
 mod estimate;
+pub mod light;
 
 pub use effective::{PatchPoint, PatchSampling};
 pub use estimate::{Accumulator, Estimate};
