@@ -1,9 +1,23 @@
-//! Tables that people read: what was planned, what was built, what is in an asset.
+//! What people read: tables of what was planned, built and is in an asset; and the report of a verification.
+//!
+//! A [`verification`] is the figures of a comparison with the original, as written to `report.json`; [`html`] draws it
+//! with its pictures as one file. The figures come from [`metrics`], [`flip`] and [`equal_time`], which are functions of
+//! images and times; the plots from [`svg`], the coloured pictures of an error from [`error_map`].
 
+pub mod equal_time;
+pub mod error_map;
+pub mod flip;
+pub mod html;
 mod inspected;
+pub mod metrics;
 mod planned;
+pub mod summary;
+pub mod svg;
 mod table;
+pub mod verification;
 
+pub use html::{CaseKey, CasePictures, ModelPictures, Pictures};
 pub use inspected::{Inspected, asset_json, asset_text};
 pub use planned::planned;
 pub use table::level_table;
+pub use verification::Verification;
