@@ -2,7 +2,7 @@
 
 /// CPU seconds (user and system, all threads) of this process so far; 0 where the system does not tell.
 #[cfg(unix)]
-pub(super) fn cpu_seconds() -> f64 {
+pub(crate) fn cpu_seconds() -> f64 {
     use nix::sys::resource::{UsageWho, getrusage};
     use nix::sys::time::TimeValLike;
     getrusage(UsageWho::RUSAGE_SELF)
@@ -11,7 +11,7 @@ pub(super) fn cpu_seconds() -> f64 {
 
 /// CPU seconds of this process; not told by this system.
 #[cfg(not(unix))]
-pub(super) fn cpu_seconds() -> f64 {
+pub(crate) fn cpu_seconds() -> f64 {
     0.0
 }
 

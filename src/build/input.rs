@@ -23,7 +23,7 @@ pub struct Input {
 }
 
 /// Reads the files of `spec`, whose paths are relative to `folder`.
-pub(super) fn read(spec: &SurfaceSpec, folder: &Path) -> Result<Input, InputError> {
+pub(crate) fn read(spec: &SurfaceSpec, folder: &Path) -> Result<Input, InputError> {
     let file = SourceFile::read(&folder.join(&spec.height))?;
     let height_digest = blake3::hash(file.bytes()).to_hex().to_string();
     let mut raw = decode_heights(&file, spec.channel.as_deref())?;

@@ -1,8 +1,19 @@
 //! `farfield render`.
 
-use super::args::{Lod, Model, RenderArgs};
-use super::{FAILED, SENSELESS, complain};
-use crate::build::ScenePlan;
+use std::collections::BTreeMap;
+
+use super::args::{Integrator, Lod, Model, RenderArgs};
+use super::{DONE, FAILED, SENSELESS, complain, print};
+use crate::build::clock::cpu_seconds;
+use crate::build::stage::{Stage, StageError};
+use crate::build::{self, ScenePlan};
+use crate::io::exr_writer::{ExrImage, encode_exr};
+use crate::io::preview::encode_png;
+use crate::io::publish::Publisher;
+use crate::transport::film::Film;
+use crate::transport::render::{self as renderer, RenderSettings};
+use crate::transport::sampler::Sampling;
+use crate::transport::scene;
 
 /// Draws a scene; the exit code.
 pub(super) fn run(args: &RenderArgs) -> u8 {
@@ -13,9 +24,150 @@ pub(super) fn run(args: &RenderArgs) -> u8 {
             return SENSELESS;
         }
     };
-    if args.model == Model::Full && args.lod != Lod::Auto && !args.quiet {
-        complain("note", "`--lod` changes nothing: `--model full` has no levels");
+    let model = model(args.model);
+    let stage = match Stage::read(&plan, model, &args.out) {
+        Ok(stage) => stage,
+        Err(error) => {
+            complain("error", &error.to_string());
+            return if matches!(error, StageError::Senseless { .. }) { SENSELESS } else { FAILED };
+        }
+    };
+    stage.warnings.iter().for_each(|line| complain("warning", line));
+    let settings = match settings(args, &stage) {
+        Ok(settings) => settings,
+        Err(line) => {
+            complain("error", &line);
+            return SENSELESS;
+        }
+    };
+    let pool = match rayon::ThreadPoolBuilder::new().num_threads(args.jobs.map_or(0, usize::from)).build() {
+        Ok(pool) => pool,
+        Err(error) => {
+            complain("error", &format!("`--jobs`: {error}"));
+            return FAILED;
+        }
+    };
+    let (film, seconds) = pool.install(|| draw(args, &stage, &settings));
+    match write(args, &film, &settings) {
+        Ok(()) if args.quiet => DONE,
+        Ok(()) => {
+            let [width, height] = film.size();
+            let path = args.output.display();
+            print(&format!("{path}: {width} × {height}, {} samples a pixel, {seconds:.2} CPU seconds\n", film.samples()));
+            DONE
+        }
+        Err(line) => {
+            complain("error", &line);
+            FAILED
+        }
     }
-    complain("error", &format!("scene `{}`: this version reads scenes and does not draw them yet", plan.scene.name));
-    FAILED
+}
+
+/// How the scene is rendered; the error is one line.
+fn settings(args: &RenderArgs, stage: &Stage) -> Result<RenderSettings, String> {
+    let lod = match args.lod {
+        Lod::Auto => scene::Lod::Auto,
+        Lod::Level(_) if args.model == Model::Full => {
+            if !args.quiet {
+                complain("note", "`--lod` changes nothing: `--model full` has no levels");
+            }
+            scene::Lod::Auto
+        }
+        Lod::Level(index) => {
+            let place = stage.model().indices().position(|level| level as usize == index);
+            let levels = stage.model().level_count();
+            scene::Lod::Fixed(place.ok_or_else(|| format!("`--lod` is {index}; wanted 1 to {levels}, the levels there are"))?)
+        }
+    };
+    let integrator = match args.integrator {
+        None | Some(Integrator::Direct) => renderer::Integrator::Direct,
+        Some(Integrator::Path) => renderer::Integrator::Path,
+    };
+    if integrator == renderer::Integrator::Path && matches!(args.model, Model::Farfield | Model::Lobes) {
+        complain(
+            "warning",
+            "`--integrator path` with an asset of `light` `direct`: its tables hold direct light alone; wanted `direct`",
+        );
+    }
+    Ok(RenderSettings { integrator, lod, seed: args.seed, sampling: Sampling::Sobol })
+}
+
+/// The model in the words of `build`.
+fn model(model: Model) -> build::Model {
+    match model {
+        Model::Farfield => build::Model::Farfield,
+        Model::Full => build::Model::Full,
+        Model::Naive => build::Model::Naive,
+        Model::Lobes => build::Model::Lobes,
+        Model::Leadr => build::Model::Leadr,
+    }
+}
+
+/// The image, and the CPU seconds that it took.
+fn draw(args: &RenderArgs, stage: &Stage, settings: &RenderSettings) -> (Film, f64) {
+    let scene = stage.scene();
+    let mut film = Film::new(stage.film());
+    let started = cpu_seconds();
+    match args.time {
+        None => renderer::render(&scene, settings, 0..u64::from(args.spp), &mut film),
+        Some(seconds) => {
+            // doubling passes: the last may take as long as all before it, so it is cut to what is left
+            let (mut done, mut pass) = (0, 1);
+            loop {
+                renderer::render(&scene, settings, done..done + pass, &mut film);
+                done += pass;
+                let spent = cpu_seconds() - started;
+                let left = (seconds - spent) / spent.max(1e-6) * done as f64;
+                if left < 1.0 {
+                    break;
+                }
+                pass = (left as u64).clamp(1, done);
+            }
+        }
+    }
+    (film, cpu_seconds() - started)
+}
+
+/// Writes the image and, if wanted, its preview; the error is one line.
+fn write(args: &RenderArgs, film: &Film, settings: &RenderSettings) -> Result<(), String> {
+    let publisher = Publisher::default();
+    let [width, height] = film.size();
+    let rgb = film.radiance();
+    let bytes = encode_exr(&exr(args, film, settings, &rgb));
+    publisher.file(&args.output, &bytes).map_err(|error| error.to_string())?;
+    if args.png {
+        let png = encode_png(&rgb, width as u32, height as u32, args.exposure.exp2());
+        publisher.file(&args.output.with_extension("png"), &png).map_err(|error| error.to_string())?;
+    }
+    Ok(())
+}
+
+/// Radiance, variance and sample count, with what they are of.
+fn exr(args: &RenderArgs, film: &Film, settings: &RenderSettings, rgb: &[[f32; 3]]) -> ExrImage {
+    let variance = film.variance();
+    let plane = |pixels: &[[f32; 3]], channel: usize| pixels.iter().map(|pixel| pixel[channel]).collect::<Vec<f32>>();
+    let mut channels = Vec::new();
+    for (channel, name) in ["R", "G", "B"].into_iter().enumerate() {
+        channels.push((name.to_string(), plane(rgb, channel)));
+        channels.push((format!("variance.{name}"), plane(&variance, channel)));
+    }
+    channels.push(("samples".into(), vec![film.samples() as f32; rgb.len()]));
+    let integrator = match settings.integrator {
+        renderer::Integrator::Direct => "direct",
+        renderer::Integrator::Path => "path",
+    };
+    let lod = match args.lod {
+        Lod::Auto => "auto".to_string(),
+        Lod::Level(index) => index.to_string(),
+    };
+    let attributes = BTreeMap::from([
+        ("farfield.integrator".to_string(), integrator.to_string()),
+        ("farfield.lod".into(), lod),
+        ("farfield.model".into(), model(args.model).name().into()),
+        ("farfield.samples".into(), film.samples().to_string()),
+        ("farfield.scene".into(), args.scene.clone()),
+        ("farfield.seed".into(), args.seed.to_string()),
+        ("farfield.version".into(), env!("CARGO_PKG_VERSION").into()),
+    ]);
+    ExrImage { size: film.size(), channels, attributes }
 }

@@ -15,9 +15,12 @@ pub mod summary;
 pub mod svg;
 mod table;
 pub mod verification;
+mod verified;
+pub mod verify;
 
 pub use html::{CaseKey, CasePictures, ModelPictures, Pictures};
 pub use inspected::{Inspected, asset_json, asset_text};
 pub use planned::planned;
 pub use table::level_table;
 pub use verification::Verification;
+pub use verified::{level_json, verification_table};

@@ -5,7 +5,13 @@
 
 pub mod effective;
 mod estimate;
+pub mod camera;
+pub mod film;
 pub mod light;
+pub mod render;
+pub mod sampler;
+pub mod scene;
+pub mod shading;
 
 pub use effective::{PatchPoint, PatchSampling};
 pub use estimate::{Accumulator, Estimate};

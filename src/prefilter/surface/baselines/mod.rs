@@ -2,4 +2,5 @@
 //!
 //! The third baseline, lobes without a scaling, is a level whose T and S are 1; it needs no code here.
 
+pub mod leadr;
 pub mod naive;

@@ -1,0 +1,174 @@
+//! Paths from the camera: direct light by multiple importance sampling, and what bounces after it.
+//!
+//! One sample of a pixel is one path. At each hit one light is sampled and one direction of the BRDF; what either finds is
+//! weighted by the power heuristic (Veach 1997). `Direct` stops after the first hit's light, `Path` goes on along the
+//! BRDF's direction with Russian roulette. An area light ends the paths that meet its front; it reflects nothing.
+
+use std::ops::Range;
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::film::Film;
+use super::sampler::{Sampler, Sampling};
+use super::scene::{Lod, RenderLevel, Scene, direction_in_base, direction_in_world};
+use super::shading::BoundShading;
+use crate::geometry::{PlaneHit, Ray};
+
+/// Which light is counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Integrator {
+    /// Light that comes straight from a source to the first hit.
+    Direct,
+    /// All light, however often it bounces.
+    Path,
+}
+
+/// How a scene is rendered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RenderSettings {
+    /// Which light is counted.
+    pub integrator: Integrator,
+    /// Which level paths meet.
+    pub lod: Lod,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// How the samples of a pixel are spread.
+    pub sampling: Sampling,
+}
+
+/// Bounces before Russian roulette.
+const SURE_BOUNCES: u32 = 3;
+/// Largest probability to go on: an albedo of 1 must not trap a path.
+const MAX_SURVIVAL: f32 = 0.95;
+
+/// Adds the samples `samples` to every pixel of `film`, whose size is that of the scene's camera.
+///
+/// Each pixel is a function of the settings and its place alone: any number of threads gives the same bits.
+///
+/// # Panics
+/// If the film has another size than the camera's.
+pub fn render(scene: &Scene<'_>, settings: &RenderSettings, samples: Range<u64>, film: &mut Film) {
+    let [width, height] = film.size();
+    assert_eq!([width, height], scene.camera.size(), "the film is the camera's");
+    film.pixels.par_chunks_mut(width).enumerate().for_each(|(row, pixels)| {
+        for (column, pixel) in pixels.iter_mut().enumerate() {
+            for sample in samples.clone() {
+                let index = (row * width + column) as u64;
+                let sampler = Sampler::new(settings.sampling, settings.seed, index, sample);
+                let radiance = Path { scene, settings, sampler }.radiance(column, row);
+                (0..3).for_each(|c| pixel[c].add(f64::from(radiance[c])));
+            }
+        }
+    });
+}
+
+/// One path under way.
+struct Path<'s, 'a> {
+    scene: &'s Scene<'a>,
+    settings: &'s RenderSettings,
+    sampler: Sampler,
+}
+
+/// A hit on a level and the BRDF there, in the base frame.
+struct Vertex<'s> {
+    hit: PlaneHit,
+    shading: BoundShading<'s>,
+    /// Where it is in the world.
+    world: DVec3,
+}
+
+impl<'s, 'a> Path<'s, 'a> {
+    /// Radiance along a random ray of the pixel.
+    fn radiance(&self, column: usize, row: usize) -> Vec3 {
+        let [dx, dy, level_u, _] = self.sampler.four(0);
+        let camera = self.scene.camera_ray(column as f64 + f64::from(dx), row as f64 + f64::from(dy));
+        let level = self.scene.surface.level(&camera, self.settings.lod, level_u);
+        let ray = camera.ray();
+        let hit = level.plane.intersect(&ray);
+        let seen = self.emitted(ray, hit.map_or(f64::INFINITY, |hit| hit.t));
+        match hit {
+            Some(hit) if seen == Vec3::ZERO => self.reflected(level, hit, -ray.direction),
+            _ => seen,
+        }
+    }
+
+    /// Light that leaves `hit` towards `wo`, over as many bounces as the integrator counts.
+    fn reflected(&self, level: &'s RenderLevel<'a>, mut hit: PlaneHit, mut wo: Vec3) -> Vec3 {
+        let size = level.plane.tile().heights().size();
+        let [mut sum, mut throughput] = [Vec3::ZERO, Vec3::ONE];
+        for bounce in 0.. {
+            // The underside and what is cut open at a rim are black.
+            if hit.normal.dot(wo) <= 0.0 {
+                break;
+            }
+            let shading = level.shading.at(&hit, size, wo);
+            let vertex = Vertex { hit, shading, world: self.scene.point_in_world(hit.position) };
+            let [a, b, choice, _] = self.sampler.four(2 * bounce + 1);
+            sum += throughput * self.light_sample(level, &vertex, choice, [a, b]);
+            let goes_on = self.settings.integrator == Integrator::Path;
+            if !goes_on && self.scene.lights.are_all_delta() {
+                break;
+            }
+            let [d, e, f, survive] = self.sampler.four(2 * bounce + 2);
+            let Some(next) = vertex.shading.sample([d, e, f]) else { break };
+            let cosine = vertex.hit.normal.dot(next.wi);
+            if cosine <= 0.0 {
+                break;
+            }
+            throughput *= next.value * (cosine / next.pdf);
+            let again = level.plane.intersect_from(&vertex.hit, next.wi);
+            let reach = again.map_or(f64::INFINITY, |hit| hit.t);
+            let seen = self.emitted(Ray { origin: vertex.hit.position, direction: next.wi }, reach);
+            if seen != Vec3::ZERO {
+                let light_pdf = self.scene.lights.pdf(vertex.world, direction_in_world(next.wi));
+                sum += throughput * seen * power_heuristic(next.pdf, light_pdf);
+                break;
+            }
+            let Some(again) = again.filter(|_| goes_on) else { break };
+            if bounce >= SURE_BOUNCES {
+                let survival = throughput.max_element().min(MAX_SURVIVAL);
+                if survive >= survival {
+                    break;
+                }
+                throughput /= survival;
+            }
+            (hit, wo) = (again, -next.wi);
+        }
+        sum
+    }
+
+    /// What one sample of one light brings to the viewer of `vertex`.
+    fn light_sample(&self, level: &RenderLevel<'_>, vertex: &Vertex<'_>, choice: f32, u: [f32; 2]) -> Vec3 {
+        let Some(sample) = self.scene.lights.sample(vertex.world, choice, u) else { return Vec3::ZERO };
+        let wi = direction_in_base(sample.wi);
+        let cosine = vertex.hit.normal.dot(wi);
+        if cosine <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let (value, weight) = if sample.is_delta {
+            (vertex.shading.eval(wi), 1.0)
+        } else {
+            let (value, pdf) = vertex.shading.eval_pdf(wi);
+            (value, power_heuristic(sample.pdf, pdf))
+        };
+        if value == Vec3::ZERO || level.plane.occluded(&vertex.hit, wi, sample.distance) {
+            return Vec3::ZERO;
+        }
+        value * Vec3::from(sample.radiance) * (cosine * weight / sample.pdf)
+    }
+
+    /// Light of the sources that `ray` (base frame) meets within `reach`; not zero means that the ray ends there.
+    fn emitted(&self, ray: Ray, reach: f64) -> Vec3 {
+        let origin = self.scene.point_in_world(ray.origin);
+        self.scene.lights.emitted(origin, direction_in_world(ray.direction), reach).into()
+    }
+}
+
+/// Weight of a sample of density `own` where another way to find it has density `other`.
+#[inline]
+fn power_heuristic(own: f32, other: f32) -> f32 {
+    // a quotient first: squares of the densities of narrow lobes overflow
+    let ratio = other / own;
+    1.0 / (1.0 + ratio * ratio)
+}
