@@ -146,7 +146,7 @@ def f_c(bsdf, mean, kappa, weight, color, n_c, wi, wo):
     def facing(w):
         c = dot(mean, w[:, None])
         m, s = r * c, np.sqrt(A * np.maximum(1 - c * c, 0) + B * c * c)
-        z = np.minimum(abs(m / np.maximum(s, 1e-9)), 13)
+        z = np.minimum(abs(m / np.maximum(s, 1e-9)), 8)
         phi = 0.3989423 * np.exp(-z * z / 2)
         t = phi * (1 + 0.4126071 * z + 0.07928679 * z**2) / (
             1 + 1.6654489 * z + 1.1699745 * z**2 + 0.41832913 * z**3 + 0.07909453 * z**4)
@@ -169,7 +169,7 @@ def f_c(bsdf, mean, kappa, weight, color, n_c, wi, wo):
         total = 0
         for lam, amplitude in bsdf["specular"]["gaussians"]:
             k = np.maximum(np.sqrt(np.maximum((kappa + lam) ** 2 - 2 * lam * kappa * u, 0)), 1e-4)
-            E = np.exp(np.maximum(-2 * lam * kappa * u / (k + kappa + lam), -87))
+            E = np.exp(np.maximum(-2 * lam * kappa * u / (k + kappa + lam), -60))
             shrink, soft = (k + 1) / ((k + 1) ** 2 + 2), 0.63662 / (k + 2.5465)
             cosine = lambda d: np.clip((d + np.sqrt(d * d + soft)) / 2, 0, 1)
             Ci, Co = (cosine((lam * H + kappa * c) * shrink) for c in (ci, co))

@@ -12,7 +12,10 @@
 //! from the surface, in the frame of the base plane (z = ωg). Values are 1/sr, RGB, without a cosine, and symmetric
 //! in ωi and ωo by construction.
 
-use std::f32::consts::{FRAC_1_PI, FRAC_2_PI};
+pub(crate) mod lanes;
+
+use std::borrow::Cow;
+use std::f32::consts::{FRAC_1_PI, FRAC_2_PI, PI};
 
 /// One von Mises-Fisher lobe of a cell's normal distribution; weight 0 means unused.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,28 +51,27 @@ pub struct Specular {
 /// Below this P_c a cell does not face the direction, and f_c is 0.
 pub const MIN_FACING: f32 = 1e-6;
 
-/// exp(x) for x <= 0, within 3e-7 of the value; e^−87 below −87.
+/// exp(x) for x <= 0, within 3e-7 of the value; e^−60 below −60.
+///
+/// The floor is 9e-27: what it is multiplied with stays a normal number, and subnormal ones are slow.
 ///
 /// 2^n · 2^f with |f| <= ½ and the Taylor polynomial of degree 6 for 2^f: the same bits on every platform, and plain
 /// arithmetic that compilers vectorise.
 #[inline(always)]
 pub fn exp_neg(x: f32) -> f32 {
     const ROUND: f32 = 12_582_912.0; // 1.5·2²³: adding it leaves the nearest integer in the low mantissa bits
-    let y = x.max(-87.0) * std::f32::consts::LOG2_E;
+    let y = x.max(-60.0) * std::f32::consts::LOG2_E;
     let shifted = y + ROUND;
     let f = y - (shifted - ROUND);
-    let p = 1.540_353e-4_f32;
-    let p = p * f + 1.333_355_8e-3;
-    let p = p * f + 9.618_129e-3;
-    let p = p * f + 5.550_411e-2;
-    let p = p * f + 2.402_265e-1;
-    let p = p * f + 6.931_472e-1;
-    let p = p * f + 1.0;
+    // Pairs instead of one long chain: every step of a chain waits for the one before.
+    let (f2, f4) = (f * f, f * f * (f * f));
+    let low = (1.0 + 6.931_472e-1 * f) + f2 * (2.402_265e-1 + 5.550_411e-2 * f);
+    let p = low + f4 * ((9.618_129e-3 + 1.333_355_8e-3 * f) + f2 * 1.540_353e-4);
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
 #[inline(always)]
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
@@ -106,6 +108,16 @@ pub struct LobeKernel {
 }
 
 impl LobeKernel {
+    /// Mean direction μ.
+    pub fn mean(&self) -> [f32; 3] {
+        self.mean
+    }
+
+    /// Concentration κ.
+    pub fn kappa(&self) -> f32 {
+        self.kappa
+    }
+
     /// The constants of the lobe (μ, κ).
     pub fn new(mean: [f32; 3], kappa: f32) -> Self {
         let k = f64::from(kappa);
@@ -140,7 +152,8 @@ impl LobeKernel {
         let c = dot(self.mean, w);
         let m = self.resultant * c;
         let s = (self.var_across * (1.0 - c * c).max(0.0) + self.var_along * c * c).sqrt();
-        let z = (m / s.max(1e-9)).abs().min(13.0);
+        let per_s = 1.0 / s.max(1e-9);
+        let z = (m * per_s).abs().min(8.0);
         let phi = 0.398_942_3 * exp_neg(-0.5 * z * z);
         let t = phi * (1.0 + z * (0.412_607_1 + z * 0.079_286_79))
             / (1.0 + z * (1.665_448_9 + z * (1.169_974_5 + z * (0.418_329_13 + z * 0.079_094_53))));
@@ -151,7 +164,7 @@ impl LobeKernel {
         let fraction = if faces { 1.0 - averted } else { averted };
         // Var⟨x⟩/Var x − Φ² is q − t² − Φ(−|z|)² on either side of z = 0; written for z > 0 it would be a difference of
         // numbers near 1. max(0): rounding of the tail, where all terms are near 0
-        let excess = (q - t * t - averted * averted).max(0.0).sqrt() / s.max(1e-9);
+        let excess = (q - t * t - averted * averted).max(0.0).sqrt() * per_s;
         let positive = m.max(0.0);
         Facing { cos_mean: c, mean: positive + self.widen * s * t, normal_mean: positive + s * t, fraction, excess }
     }
@@ -185,36 +198,60 @@ impl LobeKernel {
 
     /// One Gaussian (λ, amplitude) of [`LobeKernel::specular`]; their sum is taken in the order of the Gaussians.
     ///
-    /// The product of a spherical Gaussian (λ, h) with the lobe is itself a vMF lobe of concentration K = |λh + κμ|
-    /// and is integrated exactly:
+    /// The product of a spherical Gaussian (λ, h) with the lobe is itself a vMF lobe, integrated exactly, and G is
+    /// taken at its mean cosines.
+    #[inline(always)]
+    pub fn specular_term(&self, alpha: f32, gaussian: [f32; 2], cos_half: f32, ci: f32, co: f32) -> f32 {
+        let one_minus_cos = one_minus_half_cosine(cos_half, ci, co);
+        let k = self.product_kappa(gaussian[0], one_minus_cos);
+        self.product_mass(gaussian, one_minus_cos, k) * self.shadowing(alpha, gaussian[0], cos_half, ci, co, k)
+    }
+
+    /// Concentration K = |λh + κμ| of the product of the lobe with a Gaussian (λ, h), from 1 − h·μ.
+    #[inline(always)]
+    pub(crate) fn product_kappa(&self, lambda: f32, one_minus_cos: f32) -> f32 {
+        let total = self.kappa + lambda;
+        (total * total - 2.0 * lambda * self.kappa * one_minus_cos).max(0.0).sqrt().max(1e-4)
+    }
+
+    /// ∫ amplitude·exp(λ(h·n − 1)) γ(n) dn, for `k` = [`LobeKernel::product_kappa`].
     ///
     /// norm(κ) · exp(−2λκ(1 − h·μ)/(K + κ + λ)) · (1 − e^{−2K})/K
-    ///
-    /// G is height-correlated Smith shadowing at that lobe's mean cosines with ωi and ωo, softly clamped.
     #[inline(always)]
-    pub fn specular_term(&self, alpha: f32, [lambda, amplitude]: [f32; 2], cos_half: f32, ci: f32, co: f32) -> f32 {
-        let one_minus_cos = (1.0 - (ci + co) / (2.0 * cos_half).max(1e-9)).clamp(0.0, 2.0);
-        let total = self.kappa + lambda;
+    pub(crate) fn product_mass(&self, [lambda, amplitude]: [f32; 2], one_minus_cos: f32, k: f32) -> f32 {
         let cross = 2.0 * lambda * self.kappa * one_minus_cos;
-        let k = (total * total - cross).max(0.0).sqrt().max(1e-4);
-        let product = exp_neg(-cross / (k + total)) * (1.0 - exp_neg(-2.0 * k)) / k;
-        // r(K) ≈ K/(K + 1 + 2/(1 + K)): exact in both limits, within 0.02 of coth K − 1/K
-        let shrink = (k + 1.0) / ((k + 1.0) * (k + 1.0) + 2.0);
+        let decay = exp_neg(-cross / (k + self.kappa + lambda));
+        self.norm * amplitude * decay * (1.0 - exp_neg(-2.0 * k)) / k
+    }
+
+    /// G/4: height-correlated Smith shadowing at the mean cosines of the product with ωi and ωo, softly clamped.
+    #[inline(always)]
+    pub(crate) fn shadowing(&self, alpha: f32, lambda: f32, cos_half: f32, ci: f32, co: f32, k: f32) -> f32 {
+        // r(K) ≈ K/(K + 1 + 2/(1 + K)): exact in both limits, within 0.02 of coth K − 1/K.
+        // E⟨n, ω⟩ of a vMF lobe at a right angle is √(1/(2πK)), and ¼ for K = 0. One division for both.
+        let [shrink_by, soft_by] = [(k + 1.0) * (k + 1.0) + 2.0, k + 2.546_5];
+        let inverse = 1.0 / (shrink_by * soft_by);
+        let shrink = (k + 1.0) * soft_by * inverse;
+        let soft = FRAC_2_PI * shrink_by * inverse;
         let near = lambda * cos_half;
-        // E⟨n, ω⟩ of a vMF lobe at a right angle is √(1/(2πK)), and ¼ for K = 0
-        let soft = FRAC_2_PI / (k + 2.546_5);
         let i = soft_cosine((near + self.kappa * ci) * shrink, soft);
         let o = soft_cosine((near + self.kappa * co) * shrink, soft);
         let a2 = alpha * alpha;
         let smith_i = (a2 + (1.0 - a2) * i * i).sqrt();
         let smith_o = (a2 + (1.0 - a2) * o * o).sqrt();
-        0.5 * self.norm * amplitude * product * i * o / (i * smith_o + o * smith_i).max(1e-12)
+        0.5 * i * o / (i * smith_o + o * smith_i).max(1e-12)
     }
+}
+
+/// 1 − h·μ from `cos_half` = ωi·h and the cosines of μ with both directions.
+#[inline(always)]
+pub(crate) fn one_minus_half_cosine(cos_half: f32, ci: f32, co: f32) -> f32 {
+    (1.0 - (ci + co) * (0.5 / cos_half.max(5e-10))).clamp(0.0, 2.0)
 }
 
 /// A smooth max(x, 0), at most 1.
 #[inline(always)]
-fn soft_cosine(x: f32, soft: f32) -> f32 {
+pub(crate) fn soft_cosine(x: f32, soft: f32) -> f32 {
     (0.5 * (x + (x * x + soft).sqrt())).clamp(0.0, 1.0)
 }
 
@@ -250,20 +287,62 @@ pub fn schlick_weight(cos_theta: f32) -> f32 {
     x2 * x2 * x
 }
 
+/// A [`BaseBrdf`] under a cell's colour: what turns the sums over lobes into RGB.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tint {
+    /// diffuse·color/π.
+    diffuse: [f32; 3],
+    /// f0·color; 0 without a specular part.
+    f0: [f32; 3],
+}
+
+impl Tint {
+    pub(crate) fn new(brdf: &BaseBrdf, color: [f32; 3]) -> Self {
+        Self {
+            diffuse: std::array::from_fn(|k| brdf.diffuse[k] * color[k] * FRAC_1_PI),
+            f0: std::array::from_fn(|k| brdf.specular.as_ref().map_or(0.0, |s| s.f0[k]) * color[k]),
+        }
+    }
+
+    /// N_c from Σ w_j·cosines_j and Σ w_j·specular_j, RGB; `cos_half` = ωi·h.
+    #[inline(always)]
+    pub(crate) fn numerator(&self, diffuse: f32, specular: f32, cos_half: f32) -> [f32; 3] {
+        let schlick = schlick_weight(cos_half);
+        std::array::from_fn(|k| self.diffuse[k] * diffuse + (self.f0[k] + (1.0 - self.f0[k]) * schlick) * specular)
+    }
+
+    /// Albedos of the diffuse and of the specular part at the cosine `cos_theta`, mean of RGB; no shadowing.
+    pub(crate) fn albedos(&self, cos_theta: f32) -> [f32; 2] {
+        let mean = |rgb: [f32; 3]| (rgb[0] + rgb[1] + rgb[2]) / 3.0;
+        let f0 = mean(self.f0);
+        [PI * mean(self.diffuse), f0 + (1.0 - f0) * schlick_weight(cos_theta)]
+    }
+}
+
 /// The BRDF of one cell.
 #[derive(Clone, Debug)]
 pub struct CellBrdf<'a> {
-    lobes: Vec<(f32, LobeKernel)>,
-    brdf: &'a BaseBrdf,
-    color: [f32; 3],
+    /// (weight, kernel) of each lobe in use.
+    lobes: Cow<'a, [(f32, LobeKernel)]>,
+    conductor: Option<SpecularRef<'a>>,
+    tint: Tint,
 }
 
 impl<'a> CellBrdf<'a> {
     /// The cell with these lobes; `color` multiplies the diffuse albedo and `f0` (1 where there is no colour map).
     pub fn new(lobes: impl IntoIterator<Item = Lobe>, brdf: &'a BaseBrdf, color: [f32; 3]) -> Self {
-        let used = lobes.into_iter().filter(|lobe| lobe.weight > 0.0);
-        let lobes = used.map(|lobe| (lobe.weight, LobeKernel::new(lobe.mean, lobe.kappa))).collect();
-        Self { lobes, brdf, color }
+        let lobes = prepared(lobes).collect();
+        Self {
+            lobes: Cow::Owned(lobes),
+            conductor: brdf.specular.as_ref().map(Specular::view),
+            tint: Tint::new(brdf, color),
+        }
+    }
+
+    /// The cell with these lobes as [`prepared`] gives them; else as [`CellBrdf::new`].
+    pub fn of_prepared(lobes: &'a [(f32, LobeKernel)], brdf: &'a BaseBrdf, color: [f32; 3]) -> Self {
+        let conductor = brdf.specular.as_ref().map(Specular::view);
+        Self { lobes: Cow::Borrowed(lobes), conductor, tint: Tint::new(brdf, color) }
     }
 
     /// P_c(ω): projected micro-area per base area, without masking.
@@ -287,18 +366,14 @@ impl<'a> CellBrdf<'a> {
         let cos_half = half_vector(wi, wo).1;
         let cos_io = dot(wi, wo);
         let [mut diffuse, mut specular] = [0.0; 2];
-        for (weight, lobe) in &self.lobes {
+        for (weight, lobe) in self.lobes.iter() {
             let [i, o] = [wi, wo].map(|w| lobe.facing(w));
             diffuse += weight * lobe.cosines(i, o, cos_io);
-            if let Some(conductor) = &self.brdf.specular {
-                specular += weight * lobe.specular(conductor.view(), cos_half, i.cos_mean, o.cos_mean);
+            if let Some(conductor) = self.conductor {
+                specular += weight * lobe.specular(conductor, cos_half, i.cos_mean, o.cos_mean);
             }
         }
-        let schlick = schlick_weight(cos_half);
-        std::array::from_fn(|k| {
-            let f0 = self.brdf.specular.as_ref().map_or(0.0, |s| s.f0[k]) * self.color[k];
-            self.brdf.diffuse[k] * self.color[k] * FRAC_1_PI * diffuse + (f0 + (1.0 - f0) * schlick) * specular
-        })
+        self.tint.numerator(diffuse, specular, cos_half)
     }
 
     /// f_c(ωi, ωo) for the normal `n_c` of the coarse surface at the hit; 1/sr, RGB, cosine not included.
@@ -310,4 +385,10 @@ impl<'a> CellBrdf<'a> {
         }
         self.normalised(wi, wo).map(|f| f / n_c[2])
     }
+}
+
+/// The lobes in use (weight > 0) with their constants, in their order.
+pub fn prepared(lobes: impl IntoIterator<Item = Lobe>) -> impl Iterator<Item = (f32, LobeKernel)> {
+    let used = lobes.into_iter().filter(|lobe| lobe.weight > 0.0);
+    used.map(|lobe| (lobe.weight, LobeKernel::new(lobe.mean, lobe.kappa)))
 }

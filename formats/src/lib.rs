@@ -23,11 +23,14 @@
 
 pub mod asset;
 pub mod cell_brdf;
+mod elementary;
 mod error;
 mod ktx2;
+pub mod level_brdf;
 pub mod lookup;
 
 pub use asset::SurfaceAsset;
 pub use cell_brdf::{BaseBrdf, CellBrdf, Lobe, Specular};
 pub use error::Error;
+pub use level_brdf::LevelBrdf;
 pub use lookup::Boundary;

@@ -3,6 +3,7 @@
 //! The compiler fills its tables with this code and a reader looks them up with it, so that both mean the same texel.
 //! All directions are unit vectors in the base frame: x = +u, y = −v, z out of the surface.
 
+use crate::elementary::atan_in_octants;
 use serde::{Deserialize, Serialize};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 
@@ -47,13 +48,14 @@ pub fn square_of(direction: [f32; 3]) -> [f32; 2] {
     }
     // The minimum absorbs rounding at the horizon, and everything below it.
     let r = if z > 0.0 { (horizontal / (1.0 + z)).sqrt().min(1.0) } else { 1.0 };
-    let [a, b] = if x.abs() > y.abs() {
-        let a = r.copysign(x);
-        [a, a * ((y / x).atan() / FRAC_PI_4)]
-    } else {
-        let b = r.copysign(y);
-        [b * ((x / y).atan() / FRAC_PI_4), b]
-    };
+    // Written as choices between values: which axis is longer is as good as random, a branch would not pay.
+    let is_x_longer = x.abs() > y.abs();
+    let long = if is_x_longer { x } else { y };
+    let short = if is_x_longer { y } else { x };
+    let far = r.copysign(long);
+    let near = far * atan_in_octants(short / long);
+    let a = if is_x_longer { far } else { near };
+    let b = if is_x_longer { near } else { far };
     [0.5 + 0.5 * a, 0.5 + 0.5 * b]
 }
 
@@ -81,9 +83,9 @@ pub fn taps(coord: f32, n: usize, boundary: Boundary) -> [(usize, f32); 2] {
             (first, if first == last { 0 } else { first + 1 }, place - below)
         }
         Boundary::Clamp => {
-            let place = (coord * n as f32 - 0.5).clamp(0.0, last as f32);
-            let first = (place as usize).min(last);
-            (first, (first + 1).min(last), place - first as f32)
+            let place = (coord * n as f32 - 0.5).max(0.0).min(last as f32);
+            let first = place as i32; // quicker than to `usize`: `place` is within [0, last]
+            (first as usize, (first as usize + 1).min(last), place - first as f32)
         }
     };
     [(first, 1.0 - weight), (second, weight)]
