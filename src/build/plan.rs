@@ -136,3 +136,53 @@ fn unknown_name(kind: &str, name: &str, known: &[&str], file: &str) -> String {
     };
     format!("`{file}` has no {kind} `{name}`; {hint}")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Surfaces `bark`, `cloth`, `gravel`; scenes `shelf` of cloth and `shop` of bark.
+    fn manifest() -> String {
+        let surface = |name: &str| {
+            format!(
+                "[surface.{name}]\nheight = \"{name}.png\"\nsize = [1, 1]\namplitude = 0.1\nlevels = [8]\n\
+                 bsdf = {{ type = \"diffuse\", albedo = [0.5, 0.5, 0.5] }}\n"
+            )
+        };
+        let scene = |name: &str, surface: &str| {
+            format!(
+                "[scene.{name}]\ncamera = {{ position = [0, 1, 1], target = [0, 0, 0], fov = 40 }}\n\
+                 lights = [{{ type = \"constant\", radiance = [1, 1, 1] }}]\n\
+                 objects = [{{ mesh = \"plane\", surface = \"{surface}\" }}]\n"
+            )
+        };
+        ["gravel", "cloth", "bark"].map(surface).concat() + &scene("shop", "bark") + &scene("shelf", "cloth")
+    }
+
+    #[test]
+    fn a_scene_comes_with_its_surfaces_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("farfield.toml");
+        std::fs::write(&path, manifest()).unwrap();
+        for (name, surface) in [("shop", "bark"), ("shelf", "cloth")] {
+            let plan = ScenePlan::read(&path, name).unwrap();
+            assert_eq!((plan.scene.name.as_str(), plan.folder.as_path()), (name, folder.path()));
+            let names: Vec<&str> = plan.surfaces.iter().map(|surface| surface.name.as_str()).collect();
+            assert_eq!(names, [surface]);
+        }
+        assert_eq!(Plan::read(&path, &[]).unwrap().surfaces.len(), 3);
+    }
+
+    #[test]
+    fn names_that_are_not_there_are_told_apart() {
+        let known = ["shelf", "shop"];
+        for (name, known, wanted) in [
+            ("shpo", &known[..], "`a.toml` has no scene `shpo`; it has `shelf`, `shop`"),
+            ("shep", &known[..], "`a.toml` has no scene `shep`; did you mean `shop`?"),
+            ("Shelf", &known[..], "`a.toml` has no scene `Shelf`; did you mean `shelf`?"),
+            ("shop", &[][..], "`a.toml` has no scene `shop`; wanted a `[scene.shop]` table"),
+        ] {
+            assert_eq!(unknown_name("scene", name, known, "a.toml"), wanted);
+        }
+    }
+}

@@ -270,3 +270,112 @@ fn parse_stops(text: &str) -> Result<f32, String> {
         _ => Err("wanted stops from -64 to 64".into()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(line: &str) -> Result<Command, clap::Error> {
+        Cli::try_parse_from(line.split_whitespace()).map(|cli| cli.command)
+    }
+
+    fn render(line: &str) -> RenderArgs {
+        match parse(line) {
+            Ok(Command::Render(args)) => args,
+            other => panic!("{line}: {other:?}"),
+        }
+    }
+
+    fn verify(line: &str) -> VerifyArgs {
+        match parse(line) {
+            Ok(Command::Verify(args)) => args,
+            other => panic!("{line}: {other:?}"),
+        }
+    }
+
+    #[test]
+    fn render_has_the_documented_defaults() {
+        let args = render("farfield render shop -o shop.exr");
+        assert_eq!((args.scene.as_str(), args.output), ("shop", PathBuf::from("shop.exr")));
+        assert_eq!((args.manifest, args.out), (PathBuf::from("farfield.toml"), PathBuf::from("lod")));
+        assert_eq!((args.model, args.lod, args.integrator), (Model::Farfield, Lod::Auto, None));
+        assert_eq!((args.spp, args.time, args.seed, args.jobs), (64, None, 0, None));
+        assert_eq!((args.png, args.exposure, args.quiet), (false, 0.0, false));
+    }
+
+    #[test]
+    fn every_option_of_render_arrives() {
+        let args = render(
+            "farfield render shop -m shop.toml --model leadr --lod 2 -o a.EXR --time 1.5 --seed 7 --integrator path \
+             --out assets --jobs 2 --png --exposure -1.5 -q",
+        );
+        assert_eq!((args.manifest, args.out), (PathBuf::from("shop.toml"), PathBuf::from("assets")));
+        assert_eq!((args.model, args.lod, args.integrator), (Model::Leadr, Lod::Level(2), Some(Integrator::Path)));
+        assert_eq!((args.time, args.seed, args.jobs), (Some(1.5), 7, Some(2)));
+        assert_eq!((args.png, args.exposure, args.quiet), (true, -1.5, true));
+        for (name, model) in [
+            ("farfield", Model::Farfield),
+            ("full", Model::Full),
+            ("naive", Model::Naive),
+            ("lobes", Model::Lobes),
+            ("leadr", Model::Leadr),
+        ] {
+            assert_eq!(render(&format!("farfield render shop -o a.exr --model {name}")).model, model);
+        }
+    }
+
+    #[test]
+    fn verify_has_the_documented_defaults_and_every_option_arrives() {
+        let args = verify("farfield verify");
+        assert_eq!((args.names.len(), args.manifest), (0, PathBuf::from("farfield.toml")));
+        assert_eq!((args.out, args.report), (PathBuf::from("lod"), PathBuf::from("report")));
+        assert_eq!((args.size, args.spp, args.seed, args.level, args.jobs), (64, 128, 0, None, None));
+        assert_eq!((args.json, args.verbose, args.quiet), (false, false, false));
+        let args = verify(
+            "farfield verify bark cloth -m a.toml --out b --report c --size 16 --spp 4 --seed 1 --level 32 --jobs 3 \
+             --json -v",
+        );
+        assert_eq!((args.names, args.manifest), (vec!["bark".into(), "cloth".into()], PathBuf::from("a.toml")));
+        assert_eq!((args.out, args.report), (PathBuf::from("b"), PathBuf::from("c")));
+        assert_eq!((args.size, args.spp, args.seed, args.level, args.jobs), (16, 4, 1, Some(32), Some(3)));
+        assert_eq!((args.json, args.verbose, args.quiet), (true, true, false));
+    }
+
+    #[test]
+    fn values_beyond_their_limits_are_refused() {
+        for line in [
+            "render",
+            "render shop",
+            "render -o a.exr",
+            "render shop -o a.png",
+            "render shop -o exr",
+            "render shop -o .exr",
+            "render shop -o a.exr --spp 0",
+            "render shop -o a.exr --spp 65537",
+            "render shop -o a.exr --spp 64 --time 1",
+            "render shop -o a.exr --time 0",
+            "render shop -o a.exr --time nan",
+            "render shop -o a.exr --time inf",
+            "render shop -o a.exr --lod 0",
+            "render shop -o a.exr --lod 33",
+            "render shop -o a.exr --lod fine",
+            "render shop -o a.exr --model plain",
+            "render shop -o a.exr --integrator bdpt",
+            "render shop -o a.exr --seed -1",
+            "render shop -o a.exr --jobs 0",
+            "render shop -o a.exr --exposure 1",
+            "render shop -o a.exr --png --exposure nan",
+            "render shop -o a.exr --png --exposure 65",
+            "verify --size 15",
+            "verify --size 513",
+            "verify --spp 3",
+            "verify --spp 65537",
+            "verify --level 0",
+            "verify --jobs 1025",
+            "verify -q -v",
+        ] {
+            let error = parse(&format!("farfield {line}")).expect_err(line);
+            assert_eq!(error.exit_code(), 2, "{line}");
+        }
+    }
+}

@@ -208,3 +208,16 @@ fn a_byte_changed_anywhere_neither_panics_nor_hangs() {
         }
     }
 }
+
+#[test]
+fn scenes_nested_too_deep_or_too_long_are_refused() {
+    let project = Project::empty();
+    for lights in ["[".repeat(200_000), "[{a=".repeat(100_000), format!("[{}]", "{},".repeat(50_000))] {
+        let manifest = surface("bark", "bark.png") + "[scene.shop]\nlights = " + &lights;
+        project.write("farfield.toml", manifest.as_bytes());
+        let said = project.run(&["build"]);
+        assert_eq!((said.code, said.stdout.as_str()), (2, ""));
+        assert!(said.stderr.lines().all(|line| line.starts_with("error: farfield.toml:")));
+        assert!(said.stderr.lines().count() < 100, "{}", said.stderr);
+    }
+}

@@ -5,6 +5,9 @@ use toml::de::{DeTable, DeValue};
 
 use super::Mistake;
 
+/// The tables of an array whose mistakes are told one by one; where there are more, that is mistake enough.
+const MAX_TABLES: usize = 64;
+
 /// Title of the table that holds all others.
 pub(super) const ROOT: &str = "manifest";
 
@@ -204,7 +207,7 @@ impl<'a, 'i, 'm, 't> Fields<'a, 'i, 'm, 't> {
             self.mistakes.push(value.span().start, format!("`{key}` is `{found}`; wanted {wanted}"));
             return None;
         };
-        let read_all: Vec<Option<T>> = (1..)
+        let read_all: Vec<Option<T>> = (1..=MAX_TABLES)
             .zip(items.iter())
             .map(|(number, value)| {
                 let name = format!("{item} {number}");
