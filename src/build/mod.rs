@@ -18,7 +18,7 @@ pub mod stage;
 
 pub use input::{Input, InputError};
 pub use manifest::{Manifest, Mistake, SceneSpec, SurfaceSpec};
+pub use models::{Model, ModelData};
 pub use plan::{Plan, PlanError, ScenePlan};
 pub use record::{LevelRecord, StageSeconds};
-pub use models::{Model, ModelData};
 pub use run::{Event, Outcome, build};

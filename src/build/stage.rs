@@ -155,8 +155,10 @@ fn read_large(displacement: &Displacement, folder: &Path, extent: [f64; 2]) -> R
     let heights: Vec<f32> = raw.values.iter().map(metres).collect();
     if let Some(i) = heights.iter().position(|h| !h.is_finite()) {
         let texel = [i % size[0], i / size[0]];
-        let line =
-            format!("`{}`: the height of texel ({}, {}) overflows; wanted a smaller `amplitude`", displacement.file, texel[0], texel[1]);
+        let line = format!(
+            "`{}`: the height of texel ({}, {}) overflows; wanted a smaller `amplitude`",
+            displacement.file, texel[0], texel[1]
+        );
         return Err(StageError::Unreadable(line));
     }
     Ok(LargeShape::new(HeightField::new(heights, size, spacing, Boundary::Clamp)))
@@ -177,9 +179,10 @@ fn camera(spec: &CameraSpec, film: [usize; 2]) -> Option<Camera> {
 /// A light of a scene.
 fn read_light(spec: &LightSpec, folder: &Path, warnings: &mut Vec<String>) -> Result<Light, StageError> {
     Ok(match spec {
-        LightSpec::Directional { direction, irradiance } => {
-            Light::Directional(DirectionalLight { direction: DVec3::from_array(*direction).as_vec3().normalize(), irradiance: *irradiance })
-        }
+        LightSpec::Directional { direction, irradiance } => Light::Directional(DirectionalLight {
+            direction: DVec3::from_array(*direction).as_vec3().normalize(),
+            irradiance: *irradiance,
+        }),
         LightSpec::Constant { radiance } => Light::Constant(ConstantLight { radiance: *radiance }),
         LightSpec::Area { position, target, up, size, radiance } => {
             let [position, target, up] = [*position, *target, *up].map(DVec3::from_array);

@@ -53,7 +53,10 @@ pub(super) fn run(args: &RenderArgs) -> u8 {
         Ok(()) => {
             let [width, height] = film.size();
             let path = args.output.display();
-            print(&format!("{path}: {width} × {height}, {} samples a pixel, {seconds:.2} CPU seconds\n", film.samples()));
+            print(&format!(
+                "{path}: {width} × {height}, {} samples a pixel, {seconds:.2} CPU seconds\n",
+                film.samples()
+            ));
             DONE
         }
         Err(line) => {
@@ -76,7 +79,9 @@ fn settings(args: &RenderArgs, stage: &Stage) -> Result<RenderSettings, String> 
         Lod::Level(index) => {
             let place = stage.model().indices().position(|level| level as usize == index);
             let levels = stage.model().level_count();
-            scene::Lod::Fixed(place.ok_or_else(|| format!("`--lod` is {index}; wanted 1 to {levels}, the levels there are"))?)
+            scene::Lod::Fixed(
+                place.ok_or_else(|| format!("`--lod` is {index}; wanted 1 to {levels}, the levels there are"))?,
+            )
         }
     };
     let integrator = match args.integrator {

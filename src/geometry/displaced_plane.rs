@@ -162,7 +162,8 @@ impl<'a> DisplacedPlane<'a> {
     /// A ray from underneath is followed from where it comes into that range.
     fn span_over(&self, origin: DVec3, direction: Vec3) -> Option<[f64; 2]> {
         let [low, high] = self.range();
-        let margin = SLAB_MARGIN * (high - low + low.abs().max(high.abs()));
+        let cell = f64::from(self.tile.heights().spacing()[0]);
+        let margin = SLAB_MARGIN * (cell + high - low + low.abs().max(high.abs()));
         let slabs = [
             (origin.x, direction.x, [0.0, self.extent[0]]),
             (-origin.y, -direction.y, [0.0, self.extent[1]]),
@@ -184,8 +185,8 @@ impl<'a> DisplacedPlane<'a> {
     }
 }
 
-/// Widens the range of heights that rays are followed in, relative to the range and the heights: above rounding in `f64`,
-/// below anything that costs time.
+/// Widens the range of heights that rays are followed in, relative to a cell, the range and the heights: above rounding in
+/// `f64` and not 0 for a flat map, below anything that costs time.
 const SLAB_MARGIN: f64 = 1e-9;
 
 impl PlaneHit {

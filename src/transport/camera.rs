@@ -26,6 +26,8 @@ pub struct Camera {
     forward: DVec3,
     projection: Projection,
     size: [usize; 2],
+    /// Pixels to the right and down that the film is moved by.
+    shift: [f64; 2],
 }
 
 /// A ray of the camera and its derivatives by the film's column and row, a pixel each (Igehy 1999).
@@ -55,12 +57,17 @@ impl Camera {
         let forward = (target - position).try_normalize()?;
         let right = forward.cross(up.try_normalize()?);
         let right = if right.length() > MIN_SINE { right.normalize() } else { return None };
-        Some(Self { position, right, up: right.cross(forward), forward, projection, size })
+        Some(Self { position, right, up: right.cross(forward), forward, projection, size, shift: [0.0; 2] })
     }
 
     /// Columns and rows of the film.
     pub fn size(&self) -> [usize; 2] {
         self.size
+    }
+
+    /// This camera with its film moved by that part of a pixel to the right and down; the rays turn or move with it.
+    pub fn shifted(&self, columns: f64, rows: f64) -> Self {
+        Self { shift: [self.shift[0] + columns, self.shift[1] + rows], ..*self }
     }
 
     /// Where the camera stands; for a parallel one the centre of its film.
@@ -71,7 +78,7 @@ impl Camera {
     /// The ray through the place (`column`, `row`) of the film, in pixels from its upper left corner.
     pub fn ray(&self, column: f64, row: f64) -> CameraRay {
         let [width, height] = self.size.map(|n| n as f64);
-        let place = [column - 0.5 * width, 0.5 * height - row];
+        let place = [column + self.shift[0] - 0.5 * width, 0.5 * height - row - self.shift[1]];
         match self.projection {
             Projection::Perspective { tan_half_fov } => {
                 let pixel = 2.0 * tan_half_fov / height;

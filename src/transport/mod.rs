@@ -3,9 +3,9 @@
 //! [`effective`] samples points of a patch and what they see; F and A of either surface are sums over these points. Every
 //! mean travels with its variance and count as an [`Estimate`]. [`light`] holds what illuminates a scene.
 
+pub mod camera;
 pub mod effective;
 mod estimate;
-pub mod camera;
 pub mod film;
 pub mod light;
 pub mod render;

@@ -33,7 +33,12 @@ impl Sampler {
     pub fn new(sampling: Sampling, seed: u64, pixel: u64, sample: u64) -> Self {
         let stream = Stream::new(seed, pixel);
         let scramble = stream.u32(u64::MAX - sample / SOBOL_SAMPLES);
-        Self { sampling, sample: (sample % SOBOL_SAMPLES) as u32, scramble, stream: stream.at(sample * GROUPS_A_SAMPLE) }
+        Self {
+            sampling,
+            sample: (sample % SOBOL_SAMPLES) as u32,
+            scramble,
+            stream: stream.at(sample * GROUPS_A_SAMPLE),
+        }
     }
 
     /// Four numbers in [0, 1): those of group `group`.

@@ -76,16 +76,12 @@ impl BoundShading<'_> {
     #[inline]
     pub(super) fn eval_pdf(&self, wi: Vec3) -> (Vec3, f32) {
         match self {
-            Self::Base { brdf, normal, wo } => {
-                (brdf.eval(*normal, wi, *wo).into(), brdf.pdf(*normal, wi, *wo))
-            }
+            Self::Base { brdf, normal, wo } => (brdf.eval(*normal, wi, *wo).into(), brdf.pdf(*normal, wi, *wo)),
             Self::Prefiltered(level) => {
                 let (value, pdf) = level.eval_pdf(wi.to_array());
                 (value.into(), pdf)
             }
-            Self::Leadr { brdf, normal, wo } => {
-                (brdf.eval(*normal, wi, *wo).into(), brdf.pdf(*normal, wi, *wo))
-            }
+            Self::Leadr { brdf, normal, wo } => (brdf.eval(*normal, wi, *wo).into(), brdf.pdf(*normal, wi, *wo)),
         }
     }
 

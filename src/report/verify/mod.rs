@@ -106,7 +106,12 @@ const TIMED_SAMPLES: [u32; 9] = [4, 8, 16, 32, 64, 128, 256, 512, 1024];
 const TIMED_CASE: (Light, View) = (Light::Area, View::Oblique);
 
 /// Compares the assets of `plan` in `out` with their originals.
-pub fn verify(plan: &Plan, out: &Path, settings: &VerifySettings, on_event: &mut dyn FnMut(VerifyEvent<'_>)) -> Verified {
+pub fn verify(
+    plan: &Plan,
+    out: &Path,
+    settings: &VerifySettings,
+    on_event: &mut dyn FnMut(VerifyEvent<'_>),
+) -> Verified {
     let started = cpu_seconds();
     let mut pictures = Pictures::default();
     let mut assets = Vec::new();
@@ -194,7 +199,15 @@ impl Surface {
             ModelData::leadr(&input, &cells),
             ModelData::naive(&input, &cells),
         ];
-        Ok(Self { name: spec.name.clone(), asset, asset_digest, sources, subject, full: ModelData::full(&input), models })
+        Ok(Self {
+            name: spec.name.clone(),
+            asset,
+            asset_digest,
+            sources,
+            subject,
+            full: ModelData::full(&input),
+            models,
+        })
     }
 
     fn verify(
@@ -293,10 +306,10 @@ impl LevelRun<'_> {
             results.push(ModelResult::measured(model, samples, images, map.mean, cost));
             drawn.push((model, mean, map));
         }
-        let drawn: Vec<Drawn<'_>> = drawn.iter().map(|(model, image, flip)| Drawn { model: *model, image, flip }).collect();
-        let pictures = CasePictures::draw(&picture, &drawn, exposure, |rgb, factor| {
-            encode_png(rgb, pixels[0], pixels[1], factor)
-        });
+        let drawn: Vec<Drawn<'_>> =
+            drawn.iter().map(|(model, image, flip)| Drawn { model: *model, image, flip }).collect();
+        let pictures =
+            CasePictures::draw(&picture, &drawn, exposure, |rgb, factor| encode_png(rgb, pixels[0], pixels[1], factor));
         let scene = self.scene(&self.surface.full, light, &shot);
         let case = Case {
             light,
@@ -334,7 +347,11 @@ impl LevelRun<'_> {
             let a_sample = curve[TIMED_SAMPLES.len() - 1].1 / f64::from(TIMED_SAMPLES[TIMED_SAMPLES.len() - 1]);
             TIMED_SAMPLES.map(|samples| a_sample * f64::from(samples)).to_vec()
         });
-        let point = |k: usize| EqualTimePoint { samples: TIMED_SAMPLES[k], mse_full: curves[0][k].0, mse_farfield: curves[1][k].0 };
+        let point = |k: usize| EqualTimePoint {
+            samples: TIMED_SAMPLES[k],
+            mse_full: curves[0][k].0,
+            mse_farfield: curves[1][k].0,
+        };
         EqualTime::timed(TIMED_CASE, 2 * TIMED_REFERENCE, (0..TIMED_SAMPLES.len()).map(point).collect(), seconds)
     }
 

@@ -30,6 +30,11 @@ impl Lights {
         &self.lights
     }
 
+    /// Whether no ray can meet any of the lights.
+    pub fn are_all_delta(&self) -> bool {
+        self.lights.iter().all(Light::is_delta)
+    }
+
     /// A direction from which `from` is lit, of one light chosen by about what it gives there.
     ///
     /// `u_choice` and `u` are uniform in [0, 1). The radiance is what [`Lights::emitted`] finds along `wi`, the

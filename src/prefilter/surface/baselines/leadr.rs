@@ -75,10 +75,13 @@ mod tests {
                 mean = [mean[0] + weight * x, mean[1] + weight * y];
                 second = [second[0] + weight * x * x, second[1] + weight * x * y, second[2] + weight * y * y];
             }
-            let covariance = [second[0] - mean[0] * mean[0], second[1] - mean[0] * mean[1], second[2] - mean[1] * mean[1]];
+            let covariance =
+                [second[0] - mean[0] * mean[0], second[1] - mean[0] * mean[1], second[2] - mean[1] * mean[1]];
             // midpoint rule with 480 points an axis: jumps between texels cost 1/480
             (0..2).for_each(|k| assert!((f64::from(moments.mean[k]) - mean[k]).abs() < 1e-2));
-            (0..3).for_each(|k| assert!((f64::from(moments.covariance[k]) - covariance[k]).abs() < 1e-2 * (1.0 + covariance[k].abs())));
+            (0..3).for_each(|k| {
+                assert!((f64::from(moments.covariance[k]) - covariance[k]).abs() < 1e-2 * (1.0 + covariance[k].abs()))
+            });
         }
     }
 }

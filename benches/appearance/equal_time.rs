@@ -1,0 +1,100 @@
+//! Error of level and original at the CPU time in which the original takes 64 samples a pixel.
+
+use farfield::geometry::{Boundary, HeightField, LargeShape};
+use farfield::report::metrics::{Halves, relative_mse_of_image};
+use farfield::transport::camera::{Camera, Projection};
+use farfield::transport::scene::{Lod, Scene};
+use glam::DVec3;
+
+use super::subjects::{DIFFUSE, GGX_03, Subject, TEXEL, TEXELS, area_light, cpu_seconds, film, halves, heights};
+
+const TILES: u32 = 100;
+const PIXELS: usize = 48;
+/// 8192 samples in all.
+const REFERENCE_HALF: u32 = 4096;
+const SAMPLES: [u32; 9] = [4, 8, 16, 32, 64, 128, 256, 512, 1024];
+/// The original's samples whose time is given to the level.
+const COMPARED: usize = 4;
+
+/// `logo` over the whole plane, under its own tiles.
+fn large_shape() -> LargeShape {
+    let tile = heights("logo");
+    let metres = tile.heights().iter().map(|h| h * TILES as f32).collect();
+    LargeShape::new(HeightField::new(metres, tile.size(), [TEXEL as f32 * TILES as f32; 2], Boundary::Clamp))
+}
+
+/// A camera over the whole plane from 45°: footprints of some tens of texels.
+fn camera(span: f64) -> Camera {
+    let projection = Projection::Perspective { tan_half_fov: 0.3 };
+    let away = DVec3::new(0.45, 0.75, 0.55) * span;
+    Camera::look_at(away, DVec3::ZERO, DVec3::Y, projection, [PIXELS; 2]).expect("a view")
+}
+
+/// Prints the table and the curves.
+pub fn run() {
+    println!(
+        "equal time: {PIXELS}² pixels, perspective, area light, {TILES}² tiles, against {} samples",
+        2 * REFERENCE_HALF
+    );
+    println!(
+        "| scene | base | φ | µs a sample, original | level | MSE, original at 64 | level at the same time | its samples | ratio |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
+    let large = large_shape();
+    let mut ratios = Vec::new();
+    let mut curves = Vec::new();
+    for (map, base, bsdf, large) in [
+        ("twill", "GGX 0.3", GGX_03, None),
+        ("silk", "GGX 0.3", GGX_03, None),
+        ("bump", "diffuse", DIFFUSE, None),
+        ("fbm", "diffuse", DIFFUSE, None),
+        ("logo", "GGX 0.3, bi-scale", GGX_03, Some(&large)),
+        ("relief", "diffuse", DIFFUSE, None),
+    ] {
+        let subject = Subject::new(map, bsdf, &[8, 16, 32, 64]);
+        let [full, level] = [subject.full(), subject.farfield()];
+        // a part of the plane: pixels of 10 to 50 texels
+        let span = PIXELS as f64 * 25.0 * TEXEL * if large.is_some() { 8.0 } else { 1.0 };
+        let span = span.min(0.5 * f64::from(TILES) * TEXELS * TEXEL);
+        let scene = |data| Scene { camera: camera(span), lights: area_light(span), surface: data };
+        let original = scene(full.object([TILES; 2], large));
+        let coarse = scene(level.object([TILES; 2], large));
+        let reference = halves(&original, Lod::Auto, 1, REFERENCE_HALF);
+        let reference = Halves::new(&reference[0], &reference[1]);
+        let seconds_a_sample = |scene: &Scene<'_>| {
+            let started = cpu_seconds();
+            film(scene, Lod::Auto, 77, 512);
+            (cpu_seconds() - started) / 512.0
+        };
+        let seconds = [&original, &coarse].map(seconds_a_sample);
+        let mse = |scene: &Scene<'_>, samples: u32| {
+            // several seeds: one image's error is itself noisy
+            let errors = (0..4).map(|seed| {
+                relative_mse_of_image(reference, &film(scene, Lod::Auto, 100 + seed, samples).radiance())
+                    .expect("not black")
+            });
+            errors.sum::<f64>() / 4.0
+        };
+        let same_time = (f64::from(SAMPLES[COMPARED]) * seconds[0] / seconds[1]).round().max(1.0) as u32;
+        let [a, b] = [mse(&original, SAMPLES[COMPARED]), mse(&coarse, same_time)];
+        ratios.push(b / a);
+        let micro = seconds.map(|s| s / (PIXELS * PIXELS) as f64 * 1e6);
+        let texels = original.central_footprint().unwrap_or(f64::NAN);
+        println!(
+            "| {map} | {base} | {texels:.1} | {:.2} | {:.2} | {a:.2e} | {b:.2e} | {same_time} | {:.3} |",
+            micro[0],
+            micro[1],
+            b / a
+        );
+        curves.push((map, SAMPLES.map(|n| [mse(&original, n), mse(&coarse, n)])));
+    }
+    let mean = (ratios.iter().map(|r| r.ln()).sum::<f64>() / ratios.len() as f64).exp();
+    println!("geometric mean {mean:.3}");
+    println!("| scene | samples | MSE, original | level |");
+    println!("|---|---|---|---|");
+    for (map, curve) in curves {
+        for (n, [a, b]) in SAMPLES.iter().zip(curve) {
+            println!("| {map} | {n} | {a:.2e} | {b:.2e} |");
+        }
+    }
+}
