@@ -11,6 +11,10 @@
 //!
 //! f_leadr = ∫ f ⟨n, ωi⟩ ⟨n, ωo⟩ D dn / (⟨n_c, z⟩ (Ai mo + Ao mi − mi mo)).
 //!
+//! On a Gaussian surface with slopes of 0.3 and a Beckmann base of α = 0.2 the mean over pairs of directions up to 70° is
+//! within 0.3 %, single pairs are 10 % off (root mean square over mean), a diffuse base 0.2 % (`tests/statistics/leadr.rs`):
+//! Gaussians of slope add exactly only for small slopes.
+//!
 //! Frame: the base plane's, x = +u, y = −v, z out. Directions point away from the surface.
 
 use std::f32::consts::FRAC_1_PI;
@@ -246,13 +250,4 @@ mod tests {
             }
         }
     }
-}
-
-/// Mean and covariance of the slopes within a cell, y = −v.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SlopeMoments {
-    /// Mean (∂h/∂x, ∂h/∂y).
-    pub mean: [f32; 2],
-    /// Covariance `[xx, xy, yy]`.
-    pub covariance: [f32; 3],
 }
