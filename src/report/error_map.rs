@@ -1,7 +1,8 @@
 //! Pictures of an error: FLIP in the colours of magma, signed differences from blue over grey to red.
 //!
-//! All models of a case share one scale, so that their maps compare; it is stated beside them. Values beyond the scale
-//! take the colour of its end.
+//! All models of a case share one scale, so that their maps compare; it is stated beside them. Colours follow the square
+//! root of a value's size: beside a model that is far off, one that is nearly right still shows where it is not. Values
+//! beyond the scale take the colour of its end.
 
 /// Share of the values that a scale chosen by [`scale`] holds.
 const SCALED_SHARE: f64 = 0.99;
@@ -49,12 +50,23 @@ impl Colours {
         }
     }
 
+    /// Values to name beside the colours, and where they lie: 0 to 1 along [`Self::stops`].
+    pub fn ticks(self, scale: f32) -> Vec<(f32, f32)> {
+        match self {
+            Self::Sequential => vec![(0.0, 0.0), (0.5, scale / 4.0), (1.0, scale)],
+            Self::Diverging => {
+                vec![(0.0, -scale), (0.25, -scale / 4.0), (0.5, 0.0), (0.75, scale / 4.0), (1.0, scale)]
+            }
+        }
+    }
+
     /// Colour of a value, sRGB in [0, 1].
     fn at(self, value: f32, scale: f32) -> [f32; 3] {
         let stops = self.stops();
+        let root = (value.abs() / scale).sqrt().copysign(value);
         let fraction = match self {
-            Self::Sequential => value / scale,
-            Self::Diverging => 0.5 + 0.5 * value / scale,
+            Self::Sequential => root,
+            Self::Diverging => 0.5 + 0.5 * root,
         };
         // Beyond the scale the end's colour holds, as the legend says.
         let place = fraction.clamp(0.0, 1.0) * (stops.len() - 1) as f32;
@@ -131,7 +143,7 @@ mod tests {
         let codes = |values: &[f32], colours| -> Vec<[u8; 3]> {
             coloured(values, 0.2, colours).into_iter().map(|c| c.map(srgb_code)).collect()
         };
-        assert_eq!(codes(&[0.0, 0.1, 0.2, 9.0], Colours::Sequential), [MAGMA[0], MAGMA[8], MAGMA[16], MAGMA[16]]);
+        assert_eq!(codes(&[0.0, 0.05, 0.2, 9.0], Colours::Sequential), [MAGMA[0], MAGMA[8], MAGMA[16], MAGMA[16]]);
         assert_eq!(
             codes(&[-0.2, 0.0, 0.2, -9.0], Colours::Diverging),
             [DIVERGING[0], DIVERGING[2], DIVERGING[4], DIVERGING[0]]
@@ -139,10 +151,21 @@ mod tests {
     }
 
     #[test]
+    fn a_named_value_has_the_colour_of_its_place() {
+        for colours in [Colours::Sequential, Colours::Diverging] {
+            let stops = colours.stops();
+            for (place, value) in colours.ticks(0.5) {
+                let wanted = stops[(place * (stops.len() - 1) as f32) as usize];
+                assert_eq!(coloured(&[value], 0.5, colours)[0].map(srgb_code), wanted, "{value}");
+            }
+        }
+    }
+
+    #[test]
     fn magma_is_that_of_flip() {
         let table = nv_flip::magma_lut().to_vec();
         for (i, entry) in table.chunks_exact(3).enumerate() {
-            let ours = Colours::Sequential.at(i as f32 / 255.0, 1.0).map(|c| c * 255.0);
+            let ours = Colours::Sequential.at((i as f32 / 255.0).powi(2), 1.0).map(|c| c * 255.0);
             // Between stops 16 entries apart the table bends by 2 codes; both are rounded.
             let off = (0..3).map(|k| (ours[k] - f32::from(entry[k])).abs()).fold(0.0, f32::max);
             assert!(off <= 4.0, "{i}: {ours:?} {entry:?}");

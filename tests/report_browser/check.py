@@ -117,10 +117,8 @@ class Browser:
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
     def screenshot(self, path):
-        """The whole page as PNG."""
-        size = self.call("Page.getLayoutMetrics")["cssContentSize"]
-        clip = {"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 1}
-        shot = self.call("Page.captureScreenshot", captureBeyondViewport=True, clip=clip)
+        """What the window shows, as PNG."""
+        shot = self.call("Page.captureScreenshot")
         Path(path).write_bytes(base64.b64decode(shot["data"]))
 
     def close(self):
@@ -261,7 +259,9 @@ def check(browser, report, screenshots):
         browser.resize(size)
         check_divider(browser)
         check_width(browser, name)
-        browser.evaluate("document.activeElement.blur(); window.scrollTo(0, 0)")
+        # A window as high as the page: what lies below one is not always painted in a picture.
+        browser.resize((size[0], browser.evaluate("document.documentElement.scrollHeight")))
+        browser.evaluate("document.activeElement.blur(); window.scrollTo({ top: 0, behavior: 'instant' })")
         for scheme in ("light", "dark"):
             browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
             browser.screenshot(screenshots / f"report-{name}-{scheme}.png")

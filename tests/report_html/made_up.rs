@@ -39,8 +39,8 @@ struct Fault {
 fn fault(model: Option<Model>) -> Fault {
     match model {
         None => Fault { gain: [1.0, 1.0], contrast: 1.0, noise: 0.8 },
-        Some(Model::Farfield) => Fault { gain: [0.998, 1.007], contrast: 0.98, noise: 0.35 },
-        Some(Model::Lobes) => Fault { gain: [1.06, 0.82], contrast: 0.9, noise: 0.35 },
+        Some(Model::Farfield) => Fault { gain: [0.988, 0.968], contrast: 0.9, noise: 0.35 },
+        Some(Model::Lobes) => Fault { gain: [1.06, 0.82], contrast: 0.8, noise: 0.35 },
         Some(Model::Leadr) => Fault { gain: [0.91, 1.17], contrast: 0.6, noise: 0.3 },
         Some(Model::Naive) => Fault { gain: [1.42, 0.55], contrast: 1.7, noise: 0.5 },
     }

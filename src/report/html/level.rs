@@ -65,7 +65,7 @@ fn worst_tile(label: &str, worst: Option<WorstCase>) -> Markup {
         @if let Some(worst) = worst {
             @let [value, range] = words::percent_interval(worst.mean_error);
             @let place = words::case(worst.light, worst.view);
-            (tile(label, &value, &format!("{range}; the worst: {place}")))
+            (tile(label, &value, &[range, format!("worst: {place}")]))
         }
     }
 }
@@ -76,20 +76,22 @@ fn bias_tile(ours: &ModelSummary, all: &[ModelSummary]) -> Markup {
     let others = others.filter_map(|m| Some(format!("{} {}", m.title(), words::error(of(m)?.value))));
     html! {
         @if let Some(bias) = ours.relative_mse_bias {
-            (tile("Relative MSE, noise aside", &words::error(bias.value), &others.collect::<Vec<_>>().join(", ")))
+            (tile("Relative MSE, noise aside", &words::error(bias.value), &others.collect::<Vec<_>>()))
         }
     }
 }
 
 fn time_tile(level: &LevelVerification) -> Markup {
-    let detail = format!("of the original's squared error, in its time for {COMPARED_SAMPLES} samples a pixel");
+    let details =
+        ["of the original's squared error".into(), format!("in its time for {COMPARED_SAMPLES} samples a pixel")];
     html! {
         @if let Some(ratio) = level.timing.equal_time_ratio {
-            (tile("At equal time", &format!("× {}", words::factor(ratio)), &detail))
+            (tile("At equal time", &format!("× {}", words::factor(ratio)), &details))
         }
     }
 }
 
-fn tile(label: &str, value: &str, detail: &str) -> Markup {
-    html! { div.tile { dt { (label) } dd { strong { (value) } small { (detail) } } } }
+/// A figure with what it is above it and a few lines on it below.
+fn tile(label: &str, value: &str, details: &[String]) -> Markup {
+    html! { div.tile { dt { (label) } dd { strong { (value) } @for detail in details { small { (detail) } } } } }
 }

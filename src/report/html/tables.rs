@@ -73,7 +73,7 @@ fn model_row(summary: &ModelSummary) -> Markup {
             th scope="row" { (summary.model.title()) }
             @for worst in [summary.worst_mean_error_below_75, summary.worst_mean_error_above_75].map(worst) {
                 td {
-                    @if let Some(([value, range], place)) = worst { (value) small { (range) " (" (place) ")" } }
+                    @if let Some(([value, range], place)) = worst { (value) small { (range) } small { (place) } }
                     @else { (words::NONE) }
                 }
             }

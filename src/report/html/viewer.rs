@@ -32,6 +32,32 @@ impl Map {
             Self::Difference => "difference",
         }
     }
+
+    fn colours(self) -> Colours {
+        match self {
+            Self::Flip => Colours::Sequential,
+            Self::Difference => Colours::Diverging,
+        }
+    }
+
+    fn label(self, value: f32) -> String {
+        match self {
+            Self::Flip => words::round_number(value),
+            Self::Difference => format!("{}\u{a0}%", words::round_number(100.0 * value)),
+        }
+    }
+
+    fn meaning(self) -> &'static str {
+        match self {
+            Self::Flip => {
+                "FLIP: how visible the difference is, from 0, not at all, to 1. One scale for all models, by the square root."
+            }
+            Self::Difference => {
+                "Model minus original over the original's mean: blue is too dark, red too bright. One scale for all models, \
+                 by the square root."
+            }
+        }
+    }
 }
 
 /// The pictures of a level, if there are any. `find` gives those of a case.
@@ -123,9 +149,6 @@ fn compared(case: &Case, pictures: &CasePictures, size: [u32; 2]) -> Markup {
 /// The maps of all models, and their scales.
 fn maps(case: &Case, pictures: &CasePictures, size: [u32; 2]) -> Markup {
     let place = words::case(case.light, case.view);
-    let percent = 100.0 * pictures.difference_scale;
-    let difference_ends = [format!("−{percent}\u{a0}%"), "model − original".into(), format!("+{percent}\u{a0}%")];
-    let flip_ends = ["0".into(), "FLIP".into(), format!("{}", pictures.flip_scale)];
     html! {
         figure.pane {
             div.map {
@@ -138,22 +161,27 @@ fn maps(case: &Case, pictures: &CasePictures, size: [u32; 2]) -> Markup {
                 }
             }
             figcaption {
-                (scale_bar(Map::Flip, Colours::Sequential, &flip_ends, "How visible the difference is: 0 not at all, 1 as far apart as colours go."))
-                (scale_bar(Map::Difference, Colours::Diverging, &difference_ends, "Difference over the mean of the original; blue is too dark, red too bright."))
+                (scale_bar(Map::Flip, pictures.flip_scale))
+                (scale_bar(Map::Difference, pictures.difference_scale))
             }
         }
     }
 }
 
-/// The colours of a map with the values at its ends.
-fn scale_bar(map: Map, colours: Colours, ends: &[String; 3], meaning: &str) -> Markup {
+/// The colours of a map, the values that some of them stand for, and what these mean.
+fn scale_bar(map: Map, scale: f32) -> Markup {
+    let colours = map.colours();
     let stops: Vec<String> = colours.stops().iter().map(|[r, g, b]| format!("rgb({r} {g} {b})")).collect();
     let gradient = format!("background:linear-gradient(to right,{})", stops.join(","));
     html! {
         div.scale.off[map != Map::Flip] data-map=(map.name()) {
             div.bar style=(gradient) {}
-            div.ends { @for end in ends { span { (end) } } }
-            p { (meaning) " Beyond the ends the colours stay." }
+            div.ticks {
+                @for (place, value) in colours.ticks(scale) {
+                    span style=(format!("left:{}%", 100.0 * place)) { (map.label(value)) }
+                }
+            }
+            p { (map.meaning()) }
         }
     }
 }

@@ -30,10 +30,11 @@ pub(super) fn signed_percent(value: f64) -> String {
     format!("{}\u{a0}%", signed(percent, decimals(percent)))
 }
 
-/// A relative error in percent with its interval: `+0.43 %` and `+0.31 … +0.55`, with two digits of the interval's reach.
+/// A relative error in percent with its interval: `+0.43 %` and `+0.31 … +0.55`, with two digits of
+/// the interval's reach, at most two decimals.
 pub(super) fn percent_interval(interval: Interval) -> [String; 2] {
     let [value, low, high] = [interval.value, interval.low, interval.high].map(|x| 100.0 * x);
-    let decimals = decimals(high - low).min(3);
+    let decimals = decimals(high - low).min(2);
     let [low, value, high] = [low, value, high].map(|x| signed(x, decimals));
     [format!("{value}\u{a0}%"), format!("{low} … {high}")]
 }
@@ -48,9 +49,15 @@ pub(super) fn error_interval(interval: Interval) -> [String; 2] {
     [error(interval.value), format!("{} … {}", error(interval.low), error(interval.high))]
 }
 
-/// A factor, two digits: `0.026`, `1.7`, `38`.
+/// A factor, two digits: `0.026`, `1.7`, `38`, `4.2e-4`.
 pub(super) fn factor(value: f64) -> String {
-    format!("{value:.*}", decimals(value))
+    if value.abs() < 1e-3 && value != 0.0 { error(value) } else { format!("{value:.*}", decimals(value)) }
+}
+
+/// A round number of a scale, as it is: `0.125`.
+pub(super) fn round_number(value: f32) -> String {
+    let text = format!("{value:.5}");
+    minus(text.trim_end_matches('0').trim_end_matches('.').to_owned())
 }
 
 /// A radiance or the like, three digits: `0.123`, `45.6`.
@@ -171,7 +178,8 @@ mod tests {
 
     #[test]
     fn numbers_are_two_digits_and_typographic() {
-        assert_eq!([factor(0.0263), factor(1.71), factor(38.4)], ["0.026", "1.7", "38"]);
+        assert_eq!([factor(0.0263), factor(1.71), factor(38.4), factor(4.2e-4)], ["0.026", "1.7", "38", "4.2e-4"]);
+        assert_eq!([round_number(0.2 / 4.0), round_number(-100.0), round_number(0.0)], ["0.05", "−100", "0"]);
         assert_eq!([error(3.14e-4), error(-3.14e-4)], ["3.1e-4", "−3.1e-4"]);
         assert_eq!([signed_percent(-0.0123), signed_percent(0.5)], ["−1.2\u{a0}%", "+50\u{a0}%"]);
         assert_eq!([three_digits(0.12345), three_digits(45.67), three_digits(1234.5)], ["0.123", "45.7", "1234"]);

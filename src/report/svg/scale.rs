@@ -79,12 +79,12 @@ impl Axis {
         matches!(self.scale, Scale::Categories(_))
     }
 
-    /// Powers of ten; where there are fewer than two, their doubles and halves as well, powers first.
+    /// Powers of ten; where there are fewer than three, their doubles and halves as well, powers first.
     fn decades(&self) -> Vec<f64> {
         let [first, last] = self.range.map(|end| end.log10().floor() as i32);
         let powers = |digit: f64| (first..=last).map(move |e| digit * 10f64.powi(e));
-        let has_two = powers(1.0).filter(|&value| self.place(value).is_some()).count() > 1;
-        let digits = if has_two { &[1.0][..] } else { &[1.0, 2.0, 5.0] };
+        let has_three = powers(1.0).filter(|&value| self.place(value).is_some()).count() > 2;
+        let digits = if has_three { &[1.0][..] } else { &[1.0, 2.0, 5.0] };
         digits.iter().flat_map(|&digit| powers(digit)).collect()
     }
 }
