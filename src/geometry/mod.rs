@@ -6,9 +6,9 @@
 //! first [`Hit`].
 
 mod height_field;
+mod panels;
 mod patch;
 mod pyramid;
-mod tiles;
 pub mod tracer;
 mod wide_ray;
 
