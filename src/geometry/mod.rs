@@ -8,9 +8,9 @@
 mod displaced_plane;
 mod height_field;
 mod large_shape;
+mod panels;
 mod patch;
 mod pyramid;
-mod tiles;
 pub mod tracer;
 mod wide_ray;
 

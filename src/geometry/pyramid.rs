@@ -6,11 +6,9 @@
 
 use std::hint::black_box;
 
-use glam::Vec4;
-
 use super::HeightField;
+use super::panels::Panels;
 use super::patch::{Patch, Side};
-use super::tiles::{TILE, Tiles};
 use super::wide_ray::WideRay;
 
 /// Bounds of a node's 4 × 4 children, a row each: the highest heights, and those of the mirrored surface.
@@ -18,7 +16,7 @@ use super::wide_ray::WideRay;
 /// Children outside of the map have −∞ and are never met.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-struct Node([[Vec4; 4]; 2]);
+struct Node([[[f32; 4]; 4]; 2]);
 
 /// Where a level lies within the nodes, and its nodes a row.
 #[derive(Clone, Copy, Debug)]
@@ -30,7 +28,7 @@ struct LevelSpan {
 /// Height bounds of all cells and the heights themselves.
 #[derive(Clone, Debug)]
 pub(super) struct Pyramid {
-    tiles: Tiles,
+    panels: Panels,
     nodes: Vec<Node>,
     levels: Vec<LevelSpan>,
 }
@@ -54,18 +52,56 @@ pub(super) struct Block {
     pub(super) tile: [i32; 2],
 }
 
-/// A cell that the ray may meet: the cell of the map and its bilinear patch from where the ray starts.
+impl Block {
+    /// The block of `level` with `cell`, for a ray that starts in that cell.
+    #[inline(always)]
+    pub(super) fn new(level: u32, cell: [usize; 2]) -> Self {
+        let [i, j] = [cell[0] as i32, cell[1] as i32];
+        Self { level, node: [i as u32 >> cell_bits(level), j as u32 >> cell_bits(level)], tile: [-i, -j] }
+    }
+
+    /// The side that a ray leaves through along `axis`, in cells from its first; the map is `size` cells wide.
+    #[inline(always)]
+    pub(super) fn far_side(&self, axis: usize, forward: bool, size: i32) -> i32 {
+        let near = (self.node[axis] << cell_bits(self.level)) as i32;
+        (near + (i32::from(forward) << cell_bits(self.level))).min(size) + self.tile[axis]
+    }
+
+    /// Goes to the next block along `axis`; whether that is one of the next tile of the map.
+    #[inline(always)]
+    pub(super) fn step(&mut self, axis: usize, forward: bool, size: i32) -> bool {
+        let last = (size - 1) as u32 >> cell_bits(self.level);
+        let (end, first, period) = if forward { (last, 0, size) } else { (0, last, -size) };
+        let wraps = self.node[axis] == end;
+        if wraps {
+            (self.node[axis], self.tile[axis]) = (first, self.tile[axis] + period);
+        } else {
+            self.node[axis] = if forward { self.node[axis] + 1 } else { self.node[axis] - 1 };
+        }
+        wraps
+    }
+}
+
+/// A cell that the ray may meet: of the map, and counted from where the ray starts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
     pub(super) cell: [u32; 2],
     pub(super) at: [i32; 2],
-    pub(super) patch: Patch,
+    corners: [f32; 4],
+}
+
+impl Candidate {
+    /// The bilinear patch, from where the ray starts.
+    #[inline(always)]
+    pub(super) fn patch(&self) -> Patch {
+        Patch { corners: self.corners.map(f64::from), cell: self.at.map(f64::from) }
+    }
 }
 
 impl Pyramid {
     pub(super) fn new(heights: &HeightField) -> Self {
-        let mut pyramid = Self { tiles: Tiles::new(heights), nodes: Vec::new(), levels: Vec::new() };
-        let mut width = heights.size().map(|n| n.div_ceil(TILE));
+        let mut pyramid = Self { panels: Panels::new(heights), nodes: Vec::new(), levels: Vec::new() };
+        let mut width = heights.size().map(|n| n.div_ceil(4));
         let mut bounds = tile_bounds(heights, width);
         while pyramid.levels.is_empty() || width != [1, 1] {
             (bounds, width) = pyramid.push_level(&bounds, width);
@@ -80,15 +116,14 @@ impl Pyramid {
         self.levels.push(LevelSpan { offset: self.nodes.len(), width: columns });
         let mut own = Vec::with_capacity(columns * rows);
         for (y, x) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
-            let mut node = Node([[Vec4::NEG_INFINITY; 4]; 2]);
+            let mut node = Node([[[f32::NEG_INFINITY; 4]; 4]; 2]);
             for (j, i) in (0..4).flat_map(|j| (0..4).map(move |i| (j, i))) {
                 if 4 * x + i < width[0] && 4 * y + j < width[1] {
                     let both = bounds[(4 * y + j) * width[0] + 4 * x + i];
                     (node.0[0][j][i], node.0[1][j][i]) = (both[0], both[1]);
                 }
             }
-            let highest = |rows: [Vec4; 4]| rows[0].max(rows[1]).max(rows[2].max(rows[3])).max_element();
-            own.push(node.0.map(highest));
+            own.push(node.0.map(|rows| rows.into_iter().flatten().fold(f32::NEG_INFINITY, f32::max)));
             self.nodes.push(node);
         }
         (own, [columns, rows])
@@ -101,26 +136,24 @@ impl Pyramid {
 
     /// Bytes held.
     pub(super) fn bytes(&self) -> usize {
-        self.tiles.bytes() + self.nodes.capacity() * size_of::<Node>()
+        self.panels.bytes() + self.nodes.capacity() * size_of::<Node>()
     }
 
     /// Corner heights `[h00, h10, h01, h11]` of a cell.
     #[inline(always)]
     pub(super) fn corners(&self, cell: [usize; 2]) -> [f32; 4] {
-        self.tiles.corners(cell.map(|x| x as u32))
+        self.panels.corners(cell)
     }
 
     /// Asks for what a ray from `cell` reads first at once; the search would wait for it piece by piece.
     #[inline(always)]
     pub(super) fn touch(&self, cell: [usize; 2]) {
-        let cell = cell.map(|x| x as u32);
-        let [x, y] = cell.map(|x| x >> NODE_BITS);
-        black_box(self.node(0, x, y).0[0][0].x);
-        self.tiles.touch(cell);
+        black_box(self.node(0, [cell[0] as u32 >> NODE_BITS, cell[1] as u32 >> NODE_BITS]).0[0][0][0]);
+        self.panels.touch(cell);
     }
 
     #[inline(always)]
-    fn node(&self, level: u32, x: u32, y: u32) -> &Node {
+    fn node(&self, level: u32, [x, y]: [u32; 2]) -> &Node {
         let span = self.levels[level as usize];
         &self.nodes[span.offset + y as usize * span.width + x as usize]
     }
@@ -150,7 +183,8 @@ impl Pyramid {
                 met = self.children(ray, level, child, place(x, y, cell_bits(level)));
                 continue;
             }
-            let found = self.search_tile(ray, child, place(child[0], child[1], 2), &leaf);
+            let highest = self.bounds(ray, 0, [x, y])[row as usize][column as usize];
+            let found = self.search_tile(ray, child, place(child[0], child[1], 2), highest, &leaf);
             if found.is_some() {
                 return found;
             }
@@ -159,9 +193,15 @@ impl Pyramid {
 
     /// The children of a node that the ray may meet.
     #[inline(always)]
-    fn children(&self, ray: &WideRay, level: u32, [x, y]: [u32; 2], corner: [i32; 2]) -> u32 {
+    fn children(&self, ray: &WideRay, level: u32, node: [u32; 2], corner: [i32; 2]) -> u32 {
         let slabs = ray.slabs(corner, (1u32 << (cell_bits(level) - 2)) as f32);
-        ray.meets(&slabs, &self.node(level, x, y).0[usize::from(ray.side() == Side::Below)])
+        ray.meets(&slabs, self.bounds(ray, level, node))
+    }
+
+    /// How high the children of a node rise against the ray.
+    #[inline(always)]
+    fn bounds(&self, ray: &WideRay, level: u32, node: [u32; 2]) -> &[[f32; 4]; 4] {
+        &self.node(level, node).0[usize::from(ray.side() == Side::Below)]
     }
 
     #[inline(always)]
@@ -170,18 +210,28 @@ impl Pyramid {
         ray: &WideRay,
         tile: [u32; 2],
         corner: [i32; 2],
+        highest: f32,
         leaf: impl Fn(&Candidate) -> Option<R>,
     ) -> Option<R> {
-        let mut met = self.tiles.candidates(ray, tile, corner);
-        while met != 0 {
-            let [column, row] = ray.square(met.trailing_zeros());
-            met &= met - 1;
-            let cell = [4 * tile[0] + column, 4 * tile[1] + row];
-            let at = [corner[0] + column as i32, corner[1] + row as i32];
-            let patch = Patch { corners: self.tiles.corners(cell).map(f64::from), cell: at.map(f64::from) };
-            let found = leaf(&Candidate { cell, at, patch });
-            if found.is_some() {
-                return found;
+        let slabs = ray.slabs(corner, 1.0);
+        let mut rows = ray.meets_rows(&slabs, highest);
+        while rows != 0 {
+            let k = rows.trailing_zeros() & 3;
+            rows &= rows - 1;
+            let row = ray.row(k);
+            let at = [corner[0], corner[1] + row as i32];
+            let rows_of_corners = self.panels.row_corners(tile[0] as usize, (4 * tile[1] + row) as usize);
+            let mut columns = ray.dips(&slabs, k as usize, at, rows_of_corners);
+            while columns != 0 {
+                let column = ray.first_column(columns);
+                columns ^= 1 << column;
+                let cell = [4 * tile[0] + column, 4 * tile[1] + row];
+                let at = [at[0] + column as i32, at[1]];
+                let corners = rows_of_corners.map(|h| h.to_array()[column as usize & 3]);
+                let found = leaf(&Candidate { cell, at, corners });
+                if found.is_some() {
+                    return found;
+                }
             }
         }
         None
@@ -192,8 +242,8 @@ impl Pyramid {
 fn tile_bounds(heights: &HeightField, [columns, rows]: [usize; 2]) -> Vec<[f32; 2]> {
     let size = heights.size();
     let bounds = |k: usize| {
-        let first = [TILE * (k % columns), TILE * (k / columns)];
-        let last = [0, 1].map(|axis| (first[axis] + TILE).min(size[axis]));
+        let first = [4 * (k % columns), 4 * (k / columns)];
+        let last = [0, 1].map(|axis| (first[axis] + 4).min(size[axis]));
         let mut both = [f32::NEG_INFINITY; 2];
         for (j, i) in (first[1]..=last[1]).flat_map(|j| (first[0]..=last[0]).map(move |i| (j, i))) {
             let h = heights.vertex(i, j);

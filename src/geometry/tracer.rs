@@ -75,7 +75,7 @@ const REACH_PERIODS: f64 = 256.0;
 const REACH_CELLS: [f64; 2] = [65_536.0, 4_194_304.0];
 /// A horizontal ray along an axis sees the same heights again after one period: one for what is ahead and one for rounding.
 const REACH_PERIODS_ALONG_AXIS: f64 = 2.0;
-/// [`HeightTracer::tolerance`] in units of the height range and of the largest height.
+/// [`HeightTracer::tolerance`] in units of the height range, and of the largest height and a cell: not 0 for a flat map.
 const TOLERANCE: [f64; 2] = [1e-12, 1e-14];
 /// Margin of the slab of heights in tolerances: a ray that leaves it has crossed by more than the tolerance.
 const SLAB_MARGIN: f64 = 4.0;
@@ -85,7 +85,8 @@ impl<'a> HeightTracer<'a> {
         let range = heights.range();
         debug_assert!(range.iter().all(|h| h.is_finite()), "heights are finite");
         let [low, high] = range.map(f64::from);
-        let tolerance = TOLERANCE[0] * (high - low) + TOLERANCE[1] * low.abs().max(high.abs());
+        let cell = f64::from(heights.spacing()[0]);
+        let tolerance = TOLERANCE[0] * (high - low) + TOLERANCE[1] * (cell + low.abs().max(high.abs()));
         let slab = [low - SLAB_MARGIN * tolerance, high + SLAB_MARGIN * tolerance];
         let magnitude = Magnitude { height: low.abs().max(high.abs()), step: largest_step(heights) };
         Self { heights, pyramid: Pyramid::new(heights), magnitude, slab, tolerance }
@@ -103,20 +104,25 @@ impl<'a> HeightTracer<'a> {
 
     /// Unit normal of the bilinear surface at `point`.
     pub fn normal(&self, point: SurfacePoint) -> Vec3 {
-        let ([i, j], [s, t]) = (point.cell, point.st);
-        let [x, y] = self.heights.slope(i, j, s, t);
-        Vec3::new(-x, -y, 1.0).normalize()
+        self.slant(&self.patch(point.cell), point.st)
     }
 
     /// Position of `point` in the first tile, metres.
     pub fn position(&self, point: SurfacePoint) -> DVec3 {
-        self.place(point.cell.map(|x| x as f64), point)
+        self.place(&self.patch(point.cell), point.cell.map(|x| x as f64), point.st)
     }
 
-    fn place(&self, cell: [f64; 2], point: SurfacePoint) -> DVec3 {
+    /// Position at the fraction `st` of a patch that is `cell` of the plane.
+    fn place(&self, patch: &Patch, cell: [f64; 2], st: [f32; 2]) -> DVec3 {
         let [dx, dy] = self.heights.spacing().map(f64::from);
-        let [s, t] = point.st.map(f64::from);
-        DVec3::new((cell[0] + s) * dx, -(cell[1] + t) * dy, self.patch(point.cell).height([s, t]))
+        let [s, t] = st.map(f64::from);
+        DVec3::new((cell[0] + s) * dx, -(cell[1] + t) * dy, patch.height([s, t]))
+    }
+
+    /// Unit normal at the fraction `st` of a patch.
+    fn slant(&self, patch: &Patch, st: [f32; 2]) -> Vec3 {
+        let [x, y] = self.heights.corner_slope(patch.corners.map(|h| h as f32), st);
+        Vec3::new(-x, -y, 1.0).normalize()
     }
 
     /// Whether the surface hides `direction` from the front of `point`; directions behind the tangent plane are hidden.
@@ -130,12 +136,12 @@ impl<'a> HeightTracer<'a> {
     /// The same for the first `t_max` of the half-line, in units of `direction`.
     pub fn occluded_within(&self, point: SurfacePoint, direction: Vec3, t_max: f64) -> bool {
         self.pyramid.touch(point.cell);
-        let ray = self.leaving(point, direction, t_max);
         let first = self.patch(point.cell);
+        let ray = self.leaving(&first, point, direction, t_max);
         if !matches!(first.departure(&ray), (Side::Above, None)) {
             return true;
         }
-        let stops = |cell: &Candidate| (cell.at != [0, 0] && cell.patch.stops(&ray, self.tolerance)).then_some(());
+        let stops = |cell: &Candidate| (cell.at != [0, 0] && cell.patch().stops(&ray, self.tolerance)).then_some(());
         self.walk(&ray, Side::Above, point.cell, stops).is_some()
     }
 
@@ -152,7 +158,7 @@ impl<'a> HeightTracer<'a> {
     fn first_crossing(&self, entry: Entry) -> Option<Hit> {
         let Entry { cell, plane, ray: local, side, t: t_start } = entry;
         self.pyramid.touch(cell);
-        let hit = |cell: &Candidate| cell.patch.crossing(&local, side, self.tolerance).map(|t| (t, *cell));
+        let hit = |cell: &Candidate| cell.patch().crossing(&local, side, self.tolerance).map(|t| (t, *cell));
         let found = self.walk(&local, side, cell, hit)?;
         Some(self.hit(&local, plane, t_start, found))
     }
@@ -178,11 +184,12 @@ impl<'a> HeightTracer<'a> {
     /// The same for the first `t_max` of the half-line, in units of `direction`.
     pub fn intersect_from_within(&self, point: SurfacePoint, direction: Vec3, t_max: f64) -> Option<Hit> {
         self.pyramid.touch(point.cell);
-        let ray = self.leaving(point, direction, t_max);
-        let (side, crossing) = self.patch(point.cell).departure(&ray);
+        let first = self.patch(point.cell);
+        let ray = self.leaving(&first, point, direction, t_max);
+        let (side, crossing) = first.departure(&ray);
         let hit = |cell: &Candidate| {
             let own = cell.at == [0, 0];
-            let t = if own { crossing } else { cell.patch.crossing(&ray, side, self.tolerance) };
+            let t = if own { crossing } else { cell.patch().crossing(&ray, side, self.tolerance) };
             t.map(|t| (t, *cell))
         };
         let found = self.walk(&ray, side, point.cell, hit)?;
@@ -194,10 +201,12 @@ impl<'a> HeightTracer<'a> {
         let st = [0, 1].map(|k| (ray.start[k] - f64::from(at[k]) + ray.dir[k] * t).clamp(0.0, 1.0) as f32);
         let point = SurfacePoint { cell: found.cell.map(|x| x as usize), st };
         let cell = [0, 1].map(|k| first[k] + f64::from(at[k]));
-        Hit { t: t_start + t, point, position: self.place(cell, point), normal: self.normal(point) }
+        let position = self.place(&found.patch(), cell, st);
+        Hit { t: t_start + t, point, position, normal: self.slant(&found.patch(), st) }
     }
 
     /// The patch of `cell` for a ray that starts in it.
+    #[inline(always)]
     fn patch(&self, cell: [usize; 2]) -> Patch {
         Patch { corners: self.pyramid.corners(cell).map(f64::from), cell: [0.0; 2] }
     }
@@ -209,9 +218,10 @@ impl<'a> HeightTracer<'a> {
     }
 
     /// The ray from `point` on the surface, as far as the surface may reach.
-    fn leaving(&self, point: SurfacePoint, direction: Vec3, t_max: f64) -> CellRay {
+    #[inline(always)]
+    fn leaving(&self, first: &Patch, point: SurfacePoint, direction: Vec3, t_max: f64) -> CellRay {
         debug_assert!(direction.is_finite() && direction != Vec3::ZERO, "a direction");
-        let z = self.patch(point.cell).height(point.st.map(f64::from));
+        let z = first.height(point.st.map(f64::from));
         let ray = CellRay::new(point.st, self.cells_per_metre(direction), z, f64::from(direction.z));
         self.bounded(ray, t_max)
     }
@@ -277,22 +287,19 @@ impl<'a> HeightTracer<'a> {
     /// Ends a ray at `t_max`, where it leaves the range of heights, and after the periods that a repeated map is followed
     /// for.
     fn bounded(&self, mut ray: CellRay, t_max: f64) -> CellRay {
-        let [low, high] = self.slab;
-        let leaves = match ray.dz {
-            dz if dz > 0.0 => (high - ray.z) / dz,
-            dz if dz < 0.0 => (low - ray.z) / dz,
-            _ => f64::INFINITY,
-        };
         let size = self.heights.size().map(|n| n as f64);
-        let reach = match ray.dir {
-            [0.0, 0.0] => f64::INFINITY,
-            [0.0, dv] if ray.dz == 0.0 => REACH_PERIODS_ALONG_AXIS * size[1] / dv.abs(),
-            [du, 0.0] if ray.dz == 0.0 => REACH_PERIODS_ALONG_AXIS * size[0] / du.abs(),
-            [du, dv] => {
-                let cells = (REACH_PERIODS * size[0].max(size[1])).clamp(REACH_CELLS[0], REACH_CELLS[1]);
-                cells / du.abs().max(dv.abs())
-            }
-        };
+        let cells = (REACH_PERIODS * size[0].max(size[1])).clamp(REACH_CELLS[0], REACH_CELLS[1]);
+        // Infinite for vertical rays.
+        let mut reach = cells / ray.dir[0].abs().max(ray.dir[1].abs());
+        let mut leaves = (self.slab[usize::from(ray.dz > 0.0)] - ray.z) / ray.dz;
+        if ray.dz == 0.0 {
+            leaves = f64::INFINITY;
+            reach = match ray.dir {
+                [0.0, dv] => REACH_PERIODS_ALONG_AXIS * size[1] / dv.abs(),
+                [du, 0.0] => REACH_PERIODS_ALONG_AXIS * size[0] / du.abs(),
+                _ => reach,
+            };
+        }
         // Rounding of `leaves` must not cut off the last of the surface.
         ray.t_end = (leaves * (1.0 + 1e-12)).min(reach).min(t_max).max(0.0);
         ray
@@ -307,40 +314,23 @@ impl<'a> HeightTracer<'a> {
         cell: [usize; 2],
         leaf: impl Fn(&Candidate) -> Option<R>,
     ) -> Option<R> {
-        let size = self.heights.size();
+        let size = self.heights.size().map(|n| n as i32);
         let wide_ray = WideRay::new(ray, side, self.magnitude);
         let length = ray.t_end * ray.dir[0].abs().max(ray.dir[1].abs());
         let level = block_level(length).min(self.pyramid.top());
-        let bits = cell_bits(level);
-        let block = 1usize << bits;
-        let count = size.map(|n| n.div_ceil(block));
-        let mut node = cell.map(|x| x >> bits);
-        let mut tile = cell.map(|x| -(x as i64));
+        let mut block = Block::new(level, cell);
         loop {
-            let at = Block { level, node: node.map(|x| x as u32), tile: tile.map(|x| x as i32) };
-            let found = self.pyramid.search(&wide_ray, at, &leaf);
+            let found = self.pyramid.search(&wide_ray, block, &leaf);
             if found.is_some() {
                 return found;
             }
-            let ends = [0, 1].map(|k| {
-                let end = if ray.inv[k] > 0.0 { ((node[k] + 1) * block).min(size[k]) } else { node[k] * block };
-                ray.t_at(k, (end as i64 + tile[k]) as f64)
-            });
+            let [u, v] = [0, 1].map(|axis| block.far_side(axis, ray.inv[axis] > 0.0, size[axis]));
+            let ends = [ray.t_at(0, f64::from(u)), ray.t_at(1, f64::from(v))];
             let axis = usize::from(ends[1] < ends[0]);
             if ends[axis] >= ray.t_end {
                 return None;
             }
-            let period = size[axis] as i64;
-            let wraps = if ray.inv[axis] > 0.0 {
-                node[axis] = (node[axis] + 1) % count[axis];
-                tile[axis] += if node[axis] == 0 { period } else { 0 };
-                node[axis] == 0
-            } else {
-                let first = node[axis] == 0;
-                node[axis] = if first { count[axis] } else { node[axis] } - 1;
-                tile[axis] -= if first { period } else { 0 };
-                first
-            };
+            let wraps = block.step(axis, ray.inv[axis] > 0.0, size[axis]);
             if wraps && self.heights.boundary() == Boundary::Clamp {
                 return None;
             }
@@ -352,7 +342,7 @@ impl<'a> HeightTracer<'a> {
 #[inline]
 fn block_level(cells: f64) -> u32 {
     let bits = (cells.clamp(1.0, REACH_CELLS[1]) as u32).next_power_of_two().trailing_zeros();
-    (bits.saturating_sub(cell_bits(0)) + 1) / 2
+    (bits.saturating_sub(6) + 1) / 2
 }
 
 /// Largest step between neighbouring vertices, metres.

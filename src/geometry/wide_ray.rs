@@ -4,7 +4,7 @@ use glam::Vec4;
 
 use super::patch::{CellRay, Side};
 
-/// A [`CellRay`] for squares in rows of four.
+/// A [`CellRay`] for squares in rows of four; rows are counted along the ray, columns along u.
 ///
 /// A ray that starts below the surface is mirrored at z = 0 together with the surface: every ray is stopped by what
 /// rises over it.
@@ -15,9 +15,10 @@ pub(super) struct WideRay {
     /// 1 / `dir`, and the same widened by [`SPAN_PADDING`].
     inv: [f32; 2],
     inv_out: [f32; 2],
-    /// Planes where the ray enters and leaves each of four squares in a row, in squares; `[u, v]`.
-    enter: [Vec4; 2],
-    leave: [Vec4; 2],
+    /// Where the ray enters a square along u and v: 0 or 1.
+    near: [f32; 2],
+    /// Rows along v in the order along the ray.
+    rows: Vec4,
     /// Mirrored height of the start less what rounding may add to a gap, metres.
     z: f32,
     /// Mirrored climb, and its part in a descent and in an ascent.
@@ -29,8 +30,8 @@ pub(super) struct WideRay {
     /// What makes the twist of a cell the curvature of the gap.
     bend: f32,
     side: Side,
-    /// Whether the ray runs against u and v.
-    backward: [bool; 2],
+    /// Column and row `k ^ flip` along u and v is the k-th along the ray.
+    flip: [u32; 2],
 }
 
 /// Where a ray is over four columns and four rows of squares: t of entry and of exit.
@@ -56,16 +57,13 @@ const SPAN_PADDING: f32 = 1e-6;
 /// Heights along the ray are off by at most 8 roundings of 6e-8, places by 5 and by the widening of exits; a place comes in
 /// four times, twice along each axis.
 const GAP_PADDING: f64 = 1e-5;
-/// Bits of a row of four squares in the order along the ray: forward and backward.
-const ORDER: [[u8; 16]; 2] =
-    [[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15], [0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15]];
 const LANES: Vec4 = Vec4::new(0.0, 1.0, 2.0, 3.0);
 
 impl WideRay {
     #[inline(always)]
     pub(super) fn new(ray: &CellRay, side: Side, magnitude: Magnitude) -> Self {
         let backward = ray.inv.map(|inv| inv < 0.0);
-        let near = backward.map(|backward| if backward { 1.0 } else { 0.0 });
+        let near = backward.map(|backward| f32::from(u8::from(backward)));
         let mirror = if side == Side::Above { 1.0 } else { -1.0 };
         let cells = 1.0 + ray.t_end * ray.dir[0].abs().max(ray.dir[1].abs());
         let padding = GAP_PADDING * (magnitude.height + magnitude.step * cells);
@@ -76,8 +74,8 @@ impl WideRay {
             dir: ray.dir.map(|x| x as f32),
             inv,
             inv_out: inv.map(|x| x * (1.0 + SPAN_PADDING)),
-            enter: near.map(|near| LANES + near),
-            leave: near.map(|near| LANES + (1.0 - near)),
+            near,
+            rows: (LANES - 3.0 * near[1]).abs(),
             z: (mirror * ray.z - padding) as f32,
             dz,
             fall: dz.min(0.0),
@@ -86,7 +84,7 @@ impl WideRay {
             mirror: mirror as f32,
             bend: (mirror * ray.dir[0] * ray.dir[1]) as f32,
             side,
-            backward,
+            flip: backward.map(|backward| 3 * u32::from(backward)),
         }
     }
 
@@ -99,41 +97,64 @@ impl WideRay {
     /// The ray over 4 × 4 squares of `size` cells, the first at `corner`.
     #[inline(always)]
     pub(super) fn slabs(&self, corner: [i32; 2], size: f32) -> Slabs {
-        let t = |axis: usize, planes: [Vec4; 2], inv: [f32; 2]| {
-            // The plane is a whole number and exact; one rounding of the difference is relative to it.
-            (planes[axis] * size + corner[axis] as f32 - self.start[axis]) * inv[axis]
+        // The planes are whole numbers and exact; the one rounding of the difference is relative to it.
+        let t = |axis: usize, squares: Vec4, side: f32, inv: [f32; 2]| {
+            (squares * size + (corner[axis] as f32 + side * size) - self.start[axis]) * inv[axis]
         };
-        let first = t(0, self.enter, self.inv).max(Vec4::ZERO);
-        let last = t(0, self.leave, self.inv_out).min(Vec4::splat(self.t_end));
-        Slabs { columns: [first, last], rows: [t(1, self.enter, self.inv), t(1, self.leave, self.inv_out)] }
+        let both = |axis: usize, squares: Vec4| {
+            let near = self.near[axis];
+            [t(axis, squares, near, self.inv), t(axis, squares, 1.0 - near, self.inv_out)]
+        };
+        let [first, last] = both(0, LANES);
+        let columns = [first.max(Vec4::ZERO), last.min(Vec4::splat(self.t_end))];
+        Slabs { columns, rows: both(1, self.rows) }
     }
 
     /// Which of 4 × 4 boxes as high as `highest` the ray may meet; bits in the order along the ray.
     #[inline(always)]
-    pub(super) fn meets(&self, slabs: &Slabs, highest: &[Vec4; 4]) -> u32 {
+    pub(super) fn meets(&self, slabs: &Slabs, highest: &[[f32; 4]; 4]) -> u32 {
         let mut met = 0;
-        for (k, &high) in highest.iter().enumerate() {
+        for k in 0..4 {
+            let row = (k as u32 ^ self.flip[1]) as usize & 3;
             let [t_in, t_out] = slabs.row(k);
             let lowest = t_in * self.rise + t_out * self.fall + self.z;
-            met |= self.ordered((t_in.cmple(t_out) & lowest.cmple(high)).bitmask(), k);
+            met |= (t_in.cmple(t_out) & lowest.cmple(Vec4::from_array(highest[row]))).bitmask() << (4 * k);
         }
-        met
+        self.along(met)
     }
 
-    /// Which of four cells of row `row` the ray may dip below; `corners` are `[h00, h10, h01, h11][cell]`.
+    /// Columns of 4 × 4 bits in the order along the ray.
+    #[inline(always)]
+    fn along(&self, bits: u32) -> u32 {
+        let swapped = ((bits >> 1) & 0x5555) | ((bits & 0x5555) << 1);
+        let reversed = ((swapped >> 2) & 0x3333) | ((swapped & 0x3333) << 2);
+        if self.flip[0] == 0 { bits } else { reversed }
+    }
+
+    /// Which of four rows as high as `highest` the ray may meet; bits in the order along the ray.
+    #[inline(always)]
+    pub(super) fn meets_rows(&self, slabs: &Slabs, highest: f32) -> u32 {
+        let [first, last] = [slabs.columns[0].min_element(), slabs.columns[1].max_element()];
+        let (t_in, t_out) = (slabs.rows[0].max(Vec4::splat(first)), slabs.rows[1].min(Vec4::splat(last)));
+        let lowest = t_in * self.rise + t_out * self.fall + self.z;
+        (t_in.cmple(t_out) & lowest.cmple(Vec4::splat(highest))).bitmask()
+    }
+
+    /// Which of the four cells of the `k`-th row along the ray, row `row` of those at `corner`, the ray may dip below; bits
+    /// along u. `corners` are `[h00, h10, h01, h11][cell]`.
     ///
     /// The gap as in `patch`, a Bernstein quadratic over the part of the ray over each cell: it is positive where all
     /// three coefficients are. NaN corners are never met.
     #[inline(always)]
-    pub(super) fn dips(&self, slabs: &Slabs, corner: [i32; 2], row: usize, corners: [Vec4; 4]) -> u32 {
+    pub(super) fn dips(&self, slabs: &Slabs, k: usize, corner: [i32; 2], corners: [Vec4; 4]) -> u32 {
         let [h00, h10, h01, h11] = corners;
-        let [t_in, t_out] = slabs.row(row);
+        let [t_in, t_out] = slabs.row(k);
         let (along_u, along_v) = (h10 - h00, h01 - h00);
         let twist = (h11 - h01) - along_u;
         let first = [0, 1].map(|axis| self.start[axis] - corner[axis] as f32);
-        let (first_u, first_v) = (first[0] - LANES, first[1] - row as f32);
+        let first_u = first[0] - LANES;
         let gap = |t: Vec4| {
-            let [s, f] = [t * self.dir[0] + first_u, t * self.dir[1] + first_v];
+            let [s, f] = [t * self.dir[0] + first_u, t * self.dir[1] + first[1]];
             let height = h00 + along_u * s + (along_v + twist * s) * f;
             t * self.dz + self.z - height * self.mirror
         };
@@ -143,25 +164,30 @@ impl WideRay {
         (t_in.cmple(t_out) & g0.min(g1).min(g2).cmple(Vec4::ZERO)).bitmask()
     }
 
-    /// Bits of row `row` of 4 × 4 squares as bits of all in the order along the ray.
-    #[inline(always)]
-    pub(super) fn ordered(&self, row_bits: u32, row: usize) -> u32 {
-        let place = if self.backward[1] { 3 - row } else { row };
-        u32::from(ORDER[usize::from(self.backward[0])][(row_bits & 15) as usize]) << (4 * place)
-    }
-
     /// Column and row of the k-th of 4 × 4 squares along the ray.
     #[inline(always)]
     pub(super) fn square(&self, k: u32) -> [u32; 2] {
-        let flip = self.backward.map(|backward| if backward { 3 } else { 0 });
-        [(k & 3) ^ flip[0], (k >> 2) ^ flip[1]]
+        [(k & 3) ^ self.flip[0], self.row(k >> 2)]
+    }
+
+    /// The k-th row along the ray.
+    #[inline(always)]
+    pub(super) fn row(&self, k: u32) -> u32 {
+        k ^ self.flip[1]
+    }
+
+    /// The first of the columns along the ray; `columns` are bits along u, at least one.
+    #[inline(always)]
+    pub(super) fn first_column(&self, columns: u32) -> u32 {
+        if self.flip[0] == 0 { columns.trailing_zeros() } else { 31 - columns.leading_zeros() }
     }
 }
 
 impl Slabs {
-    /// t of entry and exit over the squares of a row; empty where the first exceeds the second.
+    /// t of entry and exit over the squares of the k-th row; empty where the first exceeds the second.
     #[inline(always)]
-    fn row(&self, row: usize) -> [Vec4; 2] {
-        [self.columns[0].max(Vec4::splat(self.rows[0][row])), self.columns[1].min(Vec4::splat(self.rows[1][row]))]
+    fn row(&self, k: usize) -> [Vec4; 2] {
+        let [first, last] = self.rows.map(|t| Vec4::splat(t.to_array()[k]));
+        [self.columns[0].max(first), self.columns[1].min(last)]
     }
 }

@@ -13,6 +13,6 @@ mod slopes;
 
 pub use brdf::Brdf;
 pub use conductor::{Conductor, Distribution};
-pub use leadr::LeadrBrdf;
+pub use leadr::{LeadrBrdf, SlopeMoments};
 pub use ndf_gaussians::ggx_gaussians;
 pub use sampling::BrdfSample;
