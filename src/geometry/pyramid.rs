@@ -139,6 +139,11 @@ impl Pyramid {
         self.panels.bytes() + self.nodes.capacity() * size_of::<Node>()
     }
 
+    /// The candidate that a ray starts in.
+    pub(super) fn starting_in(&self, cell: [usize; 2]) -> Candidate {
+        Candidate { cell: cell.map(|x| x as u32), at: [0; 2], corners: self.corners(cell) }
+    }
+
     /// Corner heights `[h00, h10, h01, h11]` of a cell.
     #[inline(always)]
     pub(super) fn corners(&self, cell: [usize; 2]) -> [f32; 4] {

@@ -7,7 +7,7 @@
 use glam::{DVec3, Vec3};
 
 use super::patch::{CellRay, Patch, Side};
-use super::pyramid::{Block, Candidate, Pyramid, cell_bits};
+use super::pyramid::{Block, Candidate, Pyramid};
 use super::wide_ray::{Magnitude, WideRay};
 use super::{Boundary, HeightField};
 
@@ -172,7 +172,7 @@ impl<'a> HeightTracer<'a> {
         if entry.side == Side::Above {
             return self.first_crossing(entry);
         }
-        let start = Candidate { cell: entry.cell.map(|x| x as u32), at: [0; 2], patch: self.patch(entry.cell) };
+        let start = self.pyramid.starting_in(entry.cell);
         Some(self.hit(&entry.ray, entry.plane, entry.t, (0.0, start)))
     }
 
