@@ -1,7 +1,8 @@
 //! The farfield LoD asset on disk: reading it, evaluating it, writing it.
 //!
 //! An asset is a folder: `asset.json` and KTX2 payloads. Each of its levels is a coarse displacement map with a BRDF
-//! f_low that reflects what the full one did; `README.md` is the specification. A complete reader:
+//! f_low that reflects what the full one did; `README.md` is the specification. [`level_brdf`] evaluates and samples it at
+//! a renderer's pace. A complete reader:
 //!
 //! ```
 //! use farfield_formats::{Error, SurfaceAsset, lookup::direction_of};

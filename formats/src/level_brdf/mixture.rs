@@ -11,8 +11,11 @@ use crate::cell_brdf::lanes::{KernelLanes, LANES, Lane, sum};
 use crate::cell_brdf::{dot, exp_neg, one_minus_half_cosine, soft_cosine};
 use crate::elementary::{ln, one_minus_exp_neg, sin_cos_turns};
 
-/// Most Gaussians that stand for the base NDF when sampling. Measured on twill (`examples/level_brdf.rs`).
-const MAX_GAUSSIANS: usize = 3;
+/// Most Gaussians that stand for the base NDF when sampling: those of most normals.
+///
+/// Measured on twill with `examples/level_brdf.rs`: for GGX 0.1 at 80° the variance is 0.28 with two and 0.37 with three,
+/// since the tail that the third stands for is lit at grazing angles only; the cosine covers it.
+const MAX_GAUSSIANS: usize = 2;
 
 /// Gaussians whose λ lie within this factor are merged: two steps of a ladder of threes.
 const MERGED_SPAN: f32 = 4.0;
@@ -22,6 +25,9 @@ const MIN_LAMBDA: f32 = 1.0;
 
 /// Least probability of the cosine: whatever the mixture misses has a weight of at most this over π f.
 const MIN_COSINE: f32 = 0.1;
+
+/// Below this a lobe is uniform to the last digit; its mean may then have no direction.
+const MIN_KAPPA: f32 = 1e-6;
 
 /// Probability of a cosine-distributed direction, from the albedos of both parts.
 pub(super) fn cosine_share(diffuse: f32, specular: f32) -> f32 {
@@ -118,39 +124,62 @@ impl Part {
         Self { kappa: zero, pull: zero, offset: zero, weight: zero, peak: zero }
     };
 
-    fn new([lambda, mass]: [f32; 2], lobes: &KernelLanes, cos_o: &Lane) -> Self {
+    #[inline]
+    fn new([lambda, mass]: [f32; 2], lobes: &KernelLanes, view: &View<'_>) -> Self {
         let mut part = Self::EMPTY;
-        for (j, &cos_o) in cos_o.iter().enumerate() {
+        for j in 0..LANES {
             let kappa = lobes.kappa()[j] * lambda / (lobes.kappa()[j] + lambda);
-            // as in `LobeKernel::specular_term`
+            // mean of h·ωo and what softens its clamp, as in `LobeKernel::shadowing`
             let soft = FRAC_2_PI / (kappa + 2.546_5);
-            let m = cos_o * kappa * (kappa + 1.0) / ((kappa + 1.0) * (kappa + 1.0) + 2.0);
-            let pull = 1.0 / (m * m + soft).sqrt();
+            let c = view.cos_o[j] * kappa * (kappa + 1.0) / ((kappa + 1.0) * (kappa + 1.0) + 2.0);
+            let pull = 1.0 / (c * c + soft).sqrt();
             let sum = kappa + pull;
-            let cross = 2.0 * kappa * pull * (1.0 - cos_o).max(0.0);
-            let k = (sum * sum - cross).max(0.0).sqrt();
+            let cross = 2.0 * kappa * pull * (1.0 - view.cos_o[j]).max(0.0); // |cos| may round to above 1
+            let k = (sum * sum - cross).max(0.0).sqrt().max(MIN_KAPPA);
+            let [mean_o, mean_n] = [kappa * view.cos_o[j] + pull, kappa * view.cos_n[j] + pull * view.cos_on];
+            let reflected = 2.0 * mean_o * mean_n / (k * k) - view.cos_on;
+            let above = soft_cosine(reflected, 4.0 * FRAC_2_PI / (k + 2.546_5));
             part.kappa[j] = kappa;
             part.pull[j] = pull;
             part.offset[j] = cross / (sum + k);
-            part.weight[j] = lobes.weight()[j] * mass * soft_cosine(m, soft);
-            part.peak[j] = part.weight[j] * peak_density(k);
+            part.weight[j] = lobes.weight()[j] * mass * soft_cosine(c, soft) * reaching(above);
+            part.peak[j] = part.weight[j] * k / (TAU * one_minus_exp_neg(2.0 * k));
         }
         part
     }
 }
 
+/// What the viewer's direction gives a mixture.
+pub(super) struct View<'a> {
+    /// μ·ωo of every lane.
+    pub(super) cos_o: &'a Lane,
+    /// μ·n_c of every lane.
+    pub(super) cos_n: &'a Lane,
+    /// n_c·ωo.
+    pub(super) cos_on: f32,
+}
+
+/// How much of a lobe's light is worth a sample, up to a factor, from the soft cosine of its reflection with n_c.
+///
+/// ⟨n_c, ωi⟩/P_c(ωi) and shadowing fall together towards the horizon, below which samples are lost. x/(x + ½), with
+/// 0.05 more for the tails of lobes beyond it: on twill the variance is a tenth to a quarter below that without.
+#[inline(always)]
+fn reaching(cos_theta: f32) -> f32 {
+    (cos_theta + 0.05) / (cos_theta + 0.5)
+}
+
 impl HalfMixture {
-    /// The mixture for the viewer whose cosines with the lobes are `cos_o` = μ·ωo.
+    /// The mixture for a viewer.
     ///
-    /// Lane j under a Gaussian of mass m is chosen in proportion to w_j m E, with E(c) = ½(c + √(c² + s)) the mean of
+    /// Lane j under a Gaussian of mass m is chosen in proportion to w_j m E, times [`reaching`], with E(c) = ½(c + √(c² + s)) the mean of
     /// ⟨h, ωo⟩ over its half vectors, whose mean cosine is c. Their density is tilted by exp(b h·ωo) with
     /// b = d ln E/dc = 1/√(c² + s): the tangent of ln ⟨h, ωo⟩ far from the horizon, and right for the mean of a lobe
     /// on it. x/exp(b x) has its maximum at x = 1/b, so the wanted density over that of the mixture is at most 1.6 for
     /// lobes that face the viewer and 5 for those that do not.
-    pub(super) fn new(gaussians: &BaseGaussians, lobes: &KernelLanes, cos_o: &Lane) -> Self {
+    pub(super) fn new(gaussians: &BaseGaussians, lobes: &KernelLanes, view: &View<'_>) -> Self {
         let mut mixture = Self { parts: gaussians.used.len(), total: 0.0, part: [Part::EMPTY; MAX_GAUSSIANS] };
         for (part, &gaussian) in mixture.part.iter_mut().zip(&gaussians.used) {
-            *part = Part::new(gaussian, lobes, cos_o);
+            *part = Part::new(gaussian, lobes, view);
             mixture.total += sum(&part.weight);
         }
         mixture
@@ -213,14 +242,4 @@ impl HalfMixture {
         }
         last // rounding used up the total
     }
-}
-
-/// Below this a lobe is uniform to the last digit; its mean may then have no direction.
-const MIN_KAPPA: f32 = 1e-6;
-
-/// Density of a von Mises-Fisher lobe at its mean, κ/(2π(1 − e^(−2κ))), 1/sr.
-#[inline(always)]
-fn peak_density(kappa: f32) -> f32 {
-    let kappa = kappa.max(MIN_KAPPA);
-    kappa / (TAU * one_minus_exp_neg(2.0 * kappa))
 }

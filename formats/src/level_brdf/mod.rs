@@ -32,7 +32,7 @@ use crate::asset::{MAX_LOBES, MAX_RANK, SurfaceAsset, SurfaceLevel};
 use crate::cell_brdf::lanes::{FacingLanes, KernelLanes, Lane};
 use crate::cell_brdf::{CellBrdf, LobeKernel, MIN_FACING, Specular, SpecularRef, Tint, dot, half_vector, prepared};
 use crate::lookup::angular_taps;
-use mixture::{BaseGaussians, HalfMixture, cosine_direction, cosine_pdf};
+use mixture::{BaseGaussians, HalfMixture, View, cosine_direction, cosine_pdf};
 
 /// A level made ready for rendering. It borrows the asset for T and the base BRDF, and holds lobes and S itself.
 #[derive(Clone, Debug)]
@@ -178,7 +178,8 @@ impl<'a> LevelBrdf<'a> {
 impl BoundBrdf<'_> {
     /// f_low(ωi, ωo); 1/sr, RGB, cosine not included. `wi` is unit, away from the surface, in the base frame.
     ///
-    /// Equals [`SurfaceLevel::f_low`] to rounding where there is no tilt; see [`LevelHit::tilt`] and `shear` for one.
+    /// Equals [`SurfaceLevel::f_low`] to rounding where there is no tilt; under a tilt it is that of the sheared
+    /// tile, README section 6.1.
     pub fn eval(&self, wi: [f32; 3]) -> [f32; 3] {
         let flat_wi = shear::straighten(wi, self.hit.tilt);
         if self.scale == 0.0 || flat_wi[2] <= 0.0 {
@@ -285,7 +286,10 @@ impl BoundBrdf<'_> {
     /// Found when first asked for: who only evaluates pays nothing.
     fn sampler(&self) -> &Sampler {
         self.sampler.get_or_init(|| {
-            let half = HalfMixture::new(&self.level.gaussians, &self.lobes, &self.viewer.cos_mean);
+            let n_c = self.hit.n_c;
+            let view =
+                View { cos_o: &self.viewer.cos_mean, cos_n: &self.lobes.cos_mean(n_c), cos_on: dot(self.wo, n_c) };
+            let half = HalfMixture::new(&self.level.gaussians, &self.lobes, &view);
             let [diffuse, specular] = self.tint.albedos(self.wo[2].clamp(0.0, 1.0));
             Sampler { cosine: if half.is_empty() { 1.0 } else { mixture::cosine_share(diffuse, specular) }, half }
         })

@@ -40,3 +40,74 @@ pub(super) fn lobe((weight, kernel): (f32, LobeKernel), tilt: [f32; 2]) -> (f32,
     let growth = if after > MIN_FACING { before / after } else { length };
     (weight * growth, tilted)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cell_brdf::exp_neg;
+    use crate::lookup::direction_of;
+
+    const TILTS: [[f32; 2]; 4] = [[0.3, 0.0], [-0.2, 0.5], [1.0, 0.0], [0.8, 0.8]];
+
+    /// Lobes that lean up to 37°, so that all their normals point up.
+    fn cases() -> impl Iterator<Item = ([f32; 3], f32, [f32; 2])> {
+        let means = [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [-0.36, 0.48, 0.8]];
+        means
+            .into_iter()
+            .flat_map(|mean| [40.0, 400.0].map(|kappa| (mean, kappa)))
+            .flat_map(|(mean, kappa)| TILTS.map(|tilt| (mean, kappa, tilt)))
+    }
+
+    /// Area Σ a|An| and its vector Σ a An, of which the former is longer, from the facets of a lobe of unit area.
+    fn sheared_facets(mean: [f32; 3], kappa: f32, tilt: [f32; 2]) -> (f64, [f64; 3]) {
+        const N: usize = 400;
+        let (mut total, mut area, mut vector) = (0.0, 0.0, [0.0; 3]);
+        for k in 0..N * N {
+            let n = direction_of([k % N, k / N].map(|i| (i as f32 + 0.5) / N as f32));
+            let density = f64::from(exp_neg(kappa * (dot(mean, n) - 1.0).min(0.0)));
+            let sheared = [n[0] - tilt[0] * n[2], n[1] - tilt[1] * n[2], n[2]];
+            total += density;
+            area += density * f64::from(dot(sheared, sheared).sqrt());
+            (0..3).for_each(|c| vector[c] += density * f64::from(sheared[c]));
+        }
+        (area / total, vector.map(|c| c / total))
+    }
+
+    #[test]
+    fn sheared_lobes_have_the_moments_of_sheared_facets() {
+        for (mean, kappa, tilt) in cases() {
+            let (area, vector) = sheared_facets(mean, kappa, tilt);
+            let (weight, lobe) = lobe((1.0, LobeKernel::new(mean, kappa)), tilt);
+            let length = vector.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let cosine: f64 = (0..3).map(|c| vector[c] / length * f64::from(lobe.mean()[c])).sum();
+            // 1 − r = 1/κ for these; the sheared lobe is an ellipse, whose κ is the harmonic mean of two
+            let exact = 1.0 / (1.0 - length / area);
+            println!(
+                "{mean:?} κ {kappa} tilt {tilt:?}: area {area:.4} {weight:.4}, cos {cosine:.5}, κ {exact:.1} {:.1}",
+                lobe.kappa()
+            );
+            assert!((f64::from(weight) / area - 1.0).abs() < 0.01);
+            assert!((1.0 - cosine) * f64::from(kappa) < 0.02, "{cosine}");
+            assert!((exact / f64::from(lobe.kappa())).ln().abs() < 0.25, "{exact} {}", lobe.kappa());
+        }
+    }
+
+    #[test]
+    fn what_a_tilted_lobe_shows_is_what_the_flat_one_shows_to_the_straightened_direction() {
+        let mut worst = 0.0f32;
+        for (mean, kappa, tilt) in cases() {
+            let flat = LobeKernel::new(mean, kappa);
+            let (weight, leaning) = lobe((1.0, flat), tilt);
+            for w in (0..400).map(|k| direction_of([k % 20, k / 20].map(|i| (i as f32 + 0.5) / 20.0))) {
+                let sheared = w[2] - tilt[0] * w[0] - tilt[1] * w[1];
+                if sheared > 0.0 {
+                    let growth = (w[0] * w[0] + w[1] * w[1] + sheared * sheared).sqrt();
+                    let exact = growth * flat.facing(straighten(w, tilt)).mean;
+                    worst = worst.max((weight * leaning.facing(w).mean - exact).abs());
+                }
+            }
+        }
+        println!("worst {worst}");
+        assert!(worst < 0.03, "{worst} of an area of 1");
+    }
+}
