@@ -69,7 +69,8 @@ mod tests {
     #[test]
     fn moments_are_those_of_the_densities() {
         // E[z], E[z²], E[x²] of z/π, 1/2π and 1/4π; z ~ √distance at a rim costs the midpoint rule 256^−1.5 = 2.4e-4.
-        let warps: [(fn([f32; 2]) -> Vec3, [f64; 3]); 3] = [
+        type Warp = fn([f32; 2]) -> Vec3;
+        let warps: [(Warp, [f64; 3]); 3] = [
             (cosine_hemisphere, [2.0 / 3.0, 0.5, 0.25]),
             (hemisphere, [0.5, 1.0 / 3.0, 1.0 / 3.0]),
             (sphere, [0.0, 1.0 / 3.0, 1.0 / 3.0]),

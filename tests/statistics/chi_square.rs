@@ -207,12 +207,11 @@ fn rim(cell: &Cell) -> impl Iterator<Item = [f64; 2]> {
 fn quarters(cell: &Cell) -> [Cell; 4] {
     let middle = [0, 1].map(|k| 0.5 * (cell.from[k] + cell.to[k]));
     [0, 1, 2, 3].map(|q| {
-        let mut part = *cell;
-        for k in 0..2 {
-            let half = if q >> k & 1 == 0 { &mut part.to } else { &mut part.from };
-            half[k] = middle[k];
+        let is_upper = |k: usize| q >> k & 1 == 1;
+        Cell {
+            from: [0, 1].map(|k| if is_upper(k) { middle[k] } else { cell.from[k] }),
+            to: [0, 1].map(|k| if is_upper(k) { cell.to[k] } else { middle[k] }),
         }
-        part
     })
 }
 
