@@ -28,7 +28,10 @@ use super::slopes::GaussianSlopes;
 use crate::math::frame::Frame;
 use crate::math::warp;
 
-/// The BRDF of a cell by LEADR; see the file's head.
+/// The BRDF of a cell by LEADR: its facets' slopes as one Gaussian, under Smith's shadowing and masking.
+///
+/// It is one for the coarse surface, whose normal is that of the mean slope: times ⟨n_c, ωi⟩ it gives what the cell
+/// reflects. Cast no shadow rays against what the moments hold: those shadows are in it. All directions in the base frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeadrBrdf {
     /// Mean slope (∂h/∂x, ∂h/∂y) of the cell: that of the coarse surface, with the normal (−mean, 1)/√(1 + |mean|²).
