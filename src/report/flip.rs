@@ -1,4 +1,4 @@
-//! FLIP: how visible a difference is to someone who flips between two pictures [FLIP20].
+//! FLIP: how visible a difference is to someone who flips between two pictures (Andersson et al. 2020; `docs/report.md`).
 //!
 //! FLIP compares pictures as a screen shows them, so radiance is exposed, clipped at white and coded as sRGB in 8 bits
 //! first. One exposure serves a reference and all models beside it; else a model could hide a wrong brightness.

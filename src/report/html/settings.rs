@@ -14,7 +14,7 @@ pub(super) fn section(verification: &Verification) -> Markup {
             @for asset in &verification.assets { (origin(asset)) }
             p.note {
                 "Every figure but the times follows from inputs, settings and version: the number of threads and the machine \
-                 do not enter. The same figures, with their definitions, are in report.json beside this file."
+                 do not enter. The same figures are in report.json beside this file."
             }
         }
     }

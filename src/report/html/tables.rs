@@ -174,12 +174,12 @@ pub(super) fn equal_times(level: &LevelVerification) -> Markup {
     }
 }
 
-/// A table in a box of its own to scroll in.
+/// A table in a box of its own to scroll in; names stand left, numbers right.
 fn table(title: &str, header: &[&str], rows: Markup) -> Markup {
     html! {
         div.scroll role="region" tabindex="0" aria-label=(title) {
             table {
-                thead { tr { @for title in header { th scope="col" { (title) } } } }
+                thead { tr { @for title in header { th.start[*title == "Model"] scope="col" { (title) } } } }
                 tbody { (rows) }
             }
         }
