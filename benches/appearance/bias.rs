@@ -12,8 +12,8 @@ use super::subjects::{GGX_01, GGX_03, Subject, area_light, halves, parallel};
 const TILES: [u32; 2] = [100, 100];
 const PIXELS: usize = 48;
 const SAMPLES: u32 = 512;
-/// Source texels a pixel, in cells of the level.
-const DISTANCES: [f64; 2] = [1.0, 8.0];
+/// Source texels a pixel: two cells of the coarser level, and all of the tiles in an image of 512².
+const DISTANCES: [f64; 2] = [32.0, 200.0];
 
 fn lights(width: f64) -> [(&'static str, Lights); 3] {
     let sky = |k: usize| {
@@ -36,12 +36,12 @@ fn scene<'a>(data: &'a ModelData, camera: Camera, lights: &Lights) -> Scene<'a> 
 }
 
 /// Prints the table.
-pub fn run() {
+pub(crate) fn run() {
     println!(
         "bias: {PIXELS}² pixels, 2 × {SAMPLES} samples; tiled 100²; relative MSE without noise (± its standard error), error of the mean in %"
     );
     println!(
-        "| map | base | level | view | light | pixel, cells | farfield | lobes | leadr | naive | /leadr | /naive | mean: farfield | lobes | leadr | naive |"
+        "| map | base | level | view | light | φ | farfield | lobes | leadr | naive | /leadr | /naive | mean: farfield | lobes | leadr | naive |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for (map, base, bsdf) in [
@@ -53,11 +53,11 @@ pub fn run() {
         let subject = Subject::new(map, bsdf, &[8, 16]);
         let full = subject.full();
         let models = subject.models();
-        for (place, factor) in [8.0, 16.0].into_iter().enumerate() {
+        for (place, factor) in [8, 16].into_iter().enumerate() {
             for degrees in [0.0, 45.0, 80.0] {
                 for distance in DISTANCES {
-                    let camera = parallel(degrees, factor * distance, PIXELS);
-                    let width = PIXELS as f64 * factor * distance * super::subjects::TEXEL;
+                    let camera = parallel(degrees, distance, PIXELS);
+                    let width = PIXELS as f64 * distance * super::subjects::TEXEL;
                     for (light, lights) in lights(width) {
                         let reference = halves(&scene(&full, camera, &lights), Lod::Fixed(0), 1, SAMPLES);
                         let reference = Halves::new(&reference[0], &reference[1]);

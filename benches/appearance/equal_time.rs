@@ -1,12 +1,9 @@
 //! Error of level and original at the CPU time in which the original takes 64 samples a pixel.
 
+use super::subjects::{DIFFUSE, GGX_03, Subject, TEXEL, area_light, cpu_seconds, film, halves, heights, parallel};
 use farfield::geometry::{Boundary, HeightField, LargeShape};
 use farfield::report::metrics::{Halves, relative_mse_of_image};
-use farfield::transport::camera::{Camera, Projection};
 use farfield::transport::scene::{Lod, Scene};
-use glam::DVec3;
-
-use super::subjects::{DIFFUSE, GGX_03, Subject, TEXEL, TEXELS, area_light, cpu_seconds, film, halves, heights};
 
 const TILES: u32 = 100;
 const PIXELS: usize = 48;
@@ -23,17 +20,19 @@ fn large_shape() -> LargeShape {
     LargeShape::new(HeightField::new(metres, tile.size(), [TEXEL as f32 * TILES as f32; 2], Boundary::Clamp))
 }
 
-/// A camera over the whole plane from 45°: footprints of some tens of texels.
-fn camera(span: f64) -> Camera {
-    let projection = Projection::Perspective { tan_half_fov: 0.3 };
-    let away = DVec3::new(0.45, 0.75, 0.55) * span;
-    Camera::look_at(away, DVec3::ZERO, DVec3::Y, projection, [PIXELS; 2]).expect("a view")
-}
+/// Source texels a pixel: all of the tiles in an image of 512².
+const FOOTPRINT: f64 = 200.0;
+/// The levels of the assets: one that is finer than a pixel by far, and a ladder from which the footprint chooses.
+const LADDERS: [&[u32]; 2] = [&[8, 16, 32, 64, 128], &[8]];
 
 /// Prints the table and the curves.
-pub fn run() {
+pub(crate) fn run() {
+    LADDERS.iter().for_each(|factors| run_with(factors));
+}
+
+fn run_with(factors: &[u32]) {
     println!(
-        "equal time: {PIXELS}² pixels, perspective, area light, {TILES}² tiles, against {} samples",
+        "equal time: levels {factors:?}; {PIXELS}² pixels, 45°, area light, {TILES}² tiles, against {} samples",
         2 * REFERENCE_HALF
     );
     println!(
@@ -51,12 +50,11 @@ pub fn run() {
         ("logo", "GGX 0.3, bi-scale", GGX_03, Some(&large)),
         ("relief", "diffuse", DIFFUSE, None),
     ] {
-        let subject = Subject::new(map, bsdf, &[8, 16, 32, 64]);
+        let subject = Subject::new(map, bsdf, factors);
         let [full, level] = [subject.full(), subject.farfield()];
-        // a part of the plane: pixels of 10 to 50 texels
-        let span = PIXELS as f64 * 25.0 * TEXEL * if large.is_some() { 8.0 } else { 1.0 };
-        let span = span.min(0.5 * f64::from(TILES) * TEXELS * TEXEL);
-        let scene = |data| Scene { camera: camera(span), lights: area_light(span), surface: data };
+        let width = PIXELS as f64 * FOOTPRINT * TEXEL;
+        let camera = parallel(45.0, FOOTPRINT, PIXELS);
+        let scene = |data| Scene { camera, lights: area_light(width), surface: data };
         let original = scene(full.object([TILES; 2], large));
         let coarse = scene(level.object([TILES; 2], large));
         let reference = halves(&original, Lod::Auto, 1, REFERENCE_HALF);
@@ -67,16 +65,16 @@ pub fn run() {
             (cpu_seconds() - started) / 512.0
         };
         let seconds = [&original, &coarse].map(seconds_a_sample);
-        let mse = |scene: &Scene<'_>, samples: u32| {
+        let mse = |scene: &Scene<'_>, samples: u32, seeds: u64| {
             // several seeds: one image's error is itself noisy
-            let errors = (0..4).map(|seed| {
+            let errors = (0..seeds).map(|seed| {
                 relative_mse_of_image(reference, &film(scene, Lod::Auto, 100 + seed, samples).radiance())
                     .expect("not black")
             });
-            errors.sum::<f64>() / 4.0
+            errors.sum::<f64>() / seeds as f64
         };
         let same_time = (f64::from(SAMPLES[COMPARED]) * seconds[0] / seconds[1]).round().max(1.0) as u32;
-        let [a, b] = [mse(&original, SAMPLES[COMPARED]), mse(&coarse, same_time)];
+        let [a, b] = [mse(&original, SAMPLES[COMPARED], 4), mse(&coarse, same_time, 4)];
         ratios.push(b / a);
         let micro = seconds.map(|s| s / (PIXELS * PIXELS) as f64 * 1e6);
         let texels = original.central_footprint().unwrap_or(f64::NAN);
@@ -86,7 +84,7 @@ pub fn run() {
             micro[1],
             b / a
         );
-        curves.push((map, SAMPLES.map(|n| [mse(&original, n), mse(&coarse, n)])));
+        curves.push((map, SAMPLES.map(|n| [mse(&original, n, 1), mse(&coarse, n, 1)])));
     }
     let mean = (ratios.iter().map(|r| r.ln()).sum::<f64>() / ratios.len() as f64).exp();
     println!("geometric mean {mean:.3}");

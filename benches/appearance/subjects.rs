@@ -16,25 +16,22 @@ use formats::SurfaceAsset;
 use glam::DVec3;
 
 /// Metres a texel.
-pub const TEXEL: f64 = 1e-3;
-/// Texels of the maps along an axis.
-pub const TEXELS: f64 = 1024.0;
+pub(crate) const TEXEL: f64 = 1e-3;
 
-pub const DIFFUSE: &str = r#"{ type = "diffuse", albedo = [0.5, 0.5, 0.5] }"#;
-pub const GGX_03: &str = r#"{ type = "conductor", roughness = 0.3, specular = [0.9, 0.9, 0.9] }"#;
-pub const GGX_01: &str = r#"{ type = "conductor", roughness = 0.1, specular = [0.9, 0.9, 0.9] }"#;
+pub(crate) const DIFFUSE: &str = r#"{ type = "diffuse", albedo = [0.5, 0.5, 0.5] }"#;
+pub(crate) const GGX_03: &str = r#"{ type = "conductor", roughness = 0.3, specular = [0.9, 0.9, 0.9] }"#;
+pub(crate) const GGX_01: &str = r#"{ type = "conductor", roughness = 0.1, specular = [0.9, 0.9, 0.9] }"#;
 
 /// A map with its material: the original, its asset, and the grids of its levels.
-pub struct Subject {
-    pub name: &'static str,
-    pub input: Input,
-    pub asset: SurfaceAsset,
-    pub cells: Vec<[usize; 2]>,
+pub(crate) struct Subject {
+    pub(crate) input: Input,
+    pub(crate) asset: SurfaceAsset,
+    pub(crate) cells: Vec<[usize; 2]>,
 }
 
 impl Subject {
     /// Compiles `fixtures/heights/NAME.png` at these factors.
-    pub fn new(name: &'static str, bsdf: &str, factors: &[u32]) -> Self {
+    pub(crate) fn new(name: &str, bsdf: &str, factors: &[u32]) -> Self {
         let heights = heights(name);
         let text = format!(
             "[surface.{name}]\nheight = \"{name}.png\"\nsize = [1.024, 1.024]\namplitude = 1.0\nbsdf = {bsdf}\nlevels = {factors:?}\n"
@@ -49,19 +46,19 @@ impl Subject {
         let asset = surface_asset(spec, &input, levels.collect());
         let asset = asset.encode().and_then(|files| decoded(&files)).expect("what was encoded decodes");
         let cells = asset.levels.iter().map(|level| level.cells).collect();
-        Self { name, input, asset, cells }
+        Self { input, asset, cells }
     }
 
-    pub fn full(&self) -> ModelData {
+    pub(crate) fn full(&self) -> ModelData {
         ModelData::full(&self.input)
     }
 
-    pub fn farfield(&self) -> ModelData {
+    pub(crate) fn farfield(&self) -> ModelData {
         ModelData::farfield(self.asset.clone())
     }
 
     /// Farfield, lobes, LEADR, naive.
-    pub fn models(&self) -> [(&'static str, ModelData); 4] {
+    pub(crate) fn models(&self) -> [(&'static str, ModelData); 4] {
         [
             ("farfield", self.farfield()),
             ("lobes", ModelData::lobes(&self.asset)),
@@ -72,7 +69,7 @@ impl Subject {
 }
 
 /// A map of the fixtures in metres.
-pub fn heights(name: &str) -> HeightField {
+pub(crate) fn heights(name: &str) -> HeightField {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/heights");
     let path = folder.join(format!("{name}.png"));
     let map = image::open(&path).unwrap_or_else(|error| panic!("`{}`: {error}", path.display())).into_luma16();
@@ -85,7 +82,7 @@ pub fn heights(name: &str) -> HeightField {
 }
 
 /// A camera in parallel, `degrees` from the normal, for which a pixel is `texels` source texels (the root of its area).
-pub fn parallel(degrees: f64, texels: f64, pixels: usize) -> Camera {
+pub(crate) fn parallel(degrees: f64, texels: f64, pixels: usize) -> Camera {
     let polar = degrees.to_radians();
     let width = pixels as f64 * texels * TEXEL * polar.cos().sqrt();
     let away = DVec3::new(polar.sin() * 0.77, polar.cos(), polar.sin() * 0.638);
@@ -94,13 +91,13 @@ pub fn parallel(degrees: f64, texels: f64, pixels: usize) -> Camera {
 }
 
 /// A square light above `width` metres around the origin.
-pub fn area_light(width: f64) -> Lights {
+pub(crate) fn area_light(width: f64) -> Lights {
     let centre = DVec3::new(-0.9, 1.3, 0.5) * width;
     Lights::new(vec![Light::Area(AreaLight::facing(centre, DVec3::ZERO, DVec3::Z, [0.8 * width; 2], [6.0; 3]))])
 }
 
 /// An image, direct light.
-pub fn film(scene: &Scene<'_>, lod: Lod, seed: u64, samples: u32) -> Film {
+pub(crate) fn film(scene: &Scene<'_>, lod: Lod, seed: u64, samples: u32) -> Film {
     let settings = RenderSettings { integrator: Integrator::Direct, lod, seed, sampling: Sampling::Sobol };
     let mut film = Film::new(scene.camera.size());
     render(scene, &settings, 0..u64::from(samples), &mut film);
@@ -108,11 +105,11 @@ pub fn film(scene: &Scene<'_>, lod: Lod, seed: u64, samples: u32) -> Film {
 }
 
 /// Two independent halves.
-pub fn halves(scene: &Scene<'_>, lod: Lod, seed: u64, samples: u32) -> [Vec<[f32; 3]>; 2] {
+pub(crate) fn halves(scene: &Scene<'_>, lod: Lod, seed: u64, samples: u32) -> [Vec<[f32; 3]>; 2] {
     [0, 1].map(|half| film(scene, lod, 2 * seed + half, samples).radiance())
 }
 
 /// CPU seconds of this process.
-pub fn cpu_seconds() -> f64 {
+pub(crate) fn cpu_seconds() -> f64 {
     cpu_time::ProcessTime::now().as_duration().as_secs_f64()
 }

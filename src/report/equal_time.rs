@@ -14,6 +14,8 @@ pub struct EqualTime {
     pub light: Light,
     /// The view.
     pub view: View,
+    /// φ, the root of a pixel's footprint on the base surface in source texels.
+    pub footprint_texels: f64,
     /// Samples a pixel of the reference, both halves.
     pub reference_samples: u32,
     /// What was rendered, by increasing sample count.
@@ -67,9 +69,10 @@ pub struct LevelTiming {
 }
 
 impl EqualTime {
-    /// The comparison of these points, timed as given: CPU seconds of original and level, a point each.
+    /// The comparison of these points at a footprint of so many texels, timed as given: CPU seconds of original and level, a point each.
     pub fn timed(
         case: (Light, View),
+        footprint_texels: f64,
         reference_samples: u32,
         points: Vec<EqualTimePoint>,
         seconds: [Vec<f64>; 2],
@@ -78,7 +81,7 @@ impl EqualTime {
         assert!(full_cpu_seconds.len() == points.len() && farfield_cpu_seconds.len() == points.len(), "a time a point");
         let at_equal_time = at_equal_time(&points, &full_cpu_seconds, &farfield_cpu_seconds);
         let timing = EqualTimeTiming { full_cpu_seconds, farfield_cpu_seconds, at_equal_time };
-        Self { light: case.0, view: case.1, reference_samples, points, timing }
+        Self { light: case.0, view: case.1, footprint_texels, reference_samples, points, timing }
     }
 }
 
@@ -138,7 +141,7 @@ mod tests {
         };
         let full: Vec<f64> = counts.iter().map(|&n| 0.01 * f64::from(n)).collect();
         let farfield = full.iter().map(|t| cost * t).collect();
-        EqualTime::timed((Light::Area, View::Normal), 8192, counts.map(point).to_vec(), [full, farfield])
+        EqualTime::timed((Light::Area, View::Normal), 64.0, 8192, counts.map(point).to_vec(), [full, farfield])
     }
 
     #[test]

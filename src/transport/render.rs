@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::film::Film;
 use super::sampler::{Sampler, Sampling};
 use super::scene::{Lod, RenderLevel, Scene, direction_in_base, direction_in_world};
-use super::shading::BoundShading;
+use super::shading::{Bounce, BoundShading};
 use crate::geometry::{PlaneHit, Ray};
 
 /// Which light is counted.
@@ -78,6 +78,17 @@ struct Vertex<'s> {
     world: DVec3,
 }
 
+/// Where a path goes on to.
+struct Next {
+    wi: Vec3,
+    /// BRDF times cosine over density.
+    weight: Vec3,
+    /// Light met on the way, weighted against the light samples.
+    emitted: Vec3,
+    /// The surface, unless a light was met before it.
+    hit: Option<PlaneHit>,
+}
+
 impl<'s, 'a> Path<'s, 'a> {
     /// Radiance along a random ray of the pixel.
     fn radiance(&self, column: usize, row: usize) -> Vec3 {
@@ -104,28 +115,17 @@ impl<'s, 'a> Path<'s, 'a> {
             }
             let shading = level.shading.at(&hit, size, wo);
             let vertex = Vertex { hit, shading, world: self.scene.point_in_world(hit.position) };
-            let [a, b, choice, _] = self.sampler.four(2 * bounce + 1);
+            let [a, b, choice, survive] = self.sampler.four(2 * bounce + 1);
+            let [c, d, e, _] = self.sampler.four(2 * bounce + 2);
             sum += throughput * self.light_sample(level, &vertex, choice, [a, b]);
-            let goes_on = self.settings.integrator == Integrator::Path;
-            if !goes_on && self.scene.lights.are_all_delta() {
+            if self.settings.integrator == Integrator::Direct {
+                sum += throughput * self.light_along_brdf(level, &vertex, [c, d, e]);
                 break;
             }
-            let [d, e, f, survive] = self.sampler.four(2 * bounce + 2);
-            let Some(next) = vertex.shading.sample([d, e, f]) else { break };
-            let cosine = vertex.hit.normal.dot(next.wi);
-            if cosine <= 0.0 {
-                break;
-            }
-            throughput *= next.value * (cosine / next.pdf);
-            let again = level.plane.intersect_from(&vertex.hit, next.wi);
-            let reach = again.map_or(f64::INFINITY, |hit| hit.t);
-            let seen = self.emitted(Ray { origin: vertex.hit.position, direction: next.wi }, reach);
-            if seen != Vec3::ZERO {
-                let light_pdf = self.scene.lights.pdf(vertex.world, direction_in_world(next.wi));
-                sum += throughput * seen * power_heuristic(next.pdf, light_pdf);
-                break;
-            }
-            let Some(again) = again.filter(|_| goes_on) else { break };
+            let Some(next) = self.next_bounce(level, &vertex, [c, d, e]) else { break };
+            throughput *= next.weight;
+            sum += throughput * next.emitted;
+            let Some(again) = next.hit else { break };
             if bounce >= SURE_BOUNCES {
                 let survival = throughput.max_element().min(MAX_SURVIVAL);
                 if survive >= survival {
@@ -136,6 +136,53 @@ impl<'s, 'a> Path<'s, 'a> {
             (hit, wo) = (again, -next.wi);
         }
         sum
+    }
+
+    /// A direction of the BRDF at `vertex`, the light that it meets and where it goes on.
+    fn next_bounce(&self, level: &RenderLevel<'_>, vertex: &Vertex<'_>, u: [f32; 3]) -> Option<Next> {
+        let Bounce { wi, pdf, value } = vertex.shading.sample(u)?;
+        let cosine = vertex.hit.normal.dot(wi);
+        if cosine <= 0.0 {
+            return None;
+        }
+        let hit = level.plane.intersect_from(&vertex.hit, wi);
+        let ray = Ray { origin: vertex.hit.position, direction: wi };
+        let seen = self.emitted(ray, hit.map_or(f64::INFINITY, |hit| hit.t));
+        let weight = value * (cosine / pdf);
+        if seen == Vec3::ZERO {
+            return Some(Next { wi, weight, emitted: seen, hit });
+        }
+        let emitted = seen * power_heuristic(pdf, self.light_pdf(vertex, wi));
+        Some(Next { wi, weight, emitted, hit: None })
+    }
+
+    /// The light that a direction of the BRDF meets, if nothing is between: what `Direct` needs of [`Self::next_bounce`].
+    ///
+    /// Most directions meet no light, which is known before the BRDF is evaluated and a ray cast.
+    fn light_along_brdf(&self, level: &RenderLevel<'_>, vertex: &Vertex<'_>, u: [f32; 3]) -> Vec3 {
+        if self.scene.lights.are_all_delta() {
+            return Vec3::ZERO;
+        }
+        let Some(wi) = vertex.shading.sample_direction(u) else { return Vec3::ZERO };
+        let cosine = vertex.hit.normal.dot(wi);
+        if cosine <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let towards = direction_in_world(wi);
+        let (distance, seen) = self.scene.lights.met(vertex.world, towards);
+        if seen == [0.0; 3] {
+            return Vec3::ZERO;
+        }
+        let (value, pdf) = vertex.shading.eval_pdf(wi);
+        if pdf <= 0.0 || value == Vec3::ZERO || level.plane.occluded(&vertex.hit, wi, distance) {
+            return Vec3::ZERO;
+        }
+        value * Vec3::from(seen) * (cosine / pdf * power_heuristic(pdf, self.light_pdf(vertex, wi)))
+    }
+
+    /// Density with which light samples at `vertex` propose `wi`.
+    fn light_pdf(&self, vertex: &Vertex<'_>, wi: Vec3) -> f32 {
+        self.scene.lights.pdf(vertex.world, direction_in_world(wi))
     }
 
     /// What one sample of one light brings to the viewer of `vertex`.

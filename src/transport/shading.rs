@@ -95,6 +95,15 @@ impl BoundShading<'_> {
         }
     }
 
+    /// The direction of [`Self::sample`] alone; a lost sample where its density is 0.
+    #[inline]
+    pub(super) fn sample_direction(&self, u: [f32; 3]) -> Option<Vec3> {
+        match self {
+            Self::Prefiltered(level) => level.sample_direction(u).map(Vec3::from),
+            _ => self.sample(u).map(|bounce| bounce.wi),
+        }
+    }
+
     /// A direction to the light; none where the sampled one is below a horizon, which counts as black.
     #[inline]
     pub(super) fn sample(&self, u: [f32; 3]) -> Option<Bounce> {

@@ -5,4 +5,5 @@ mod interruption;
 mod malformed;
 mod manifests;
 mod project;
+mod rendering;
 mod repeatability;

@@ -135,7 +135,7 @@ fn equal_time(light: Light, view: View, factor: f64, speed: f64) -> EqualTime {
     };
     let full: Vec<f64> = counts.iter().map(|&n| speed * (0.02 + 0.011 * f64::from(n))).collect();
     let farfield = full.iter().map(|t| 1.3 * t).collect();
-    EqualTime::timed((light, view), 8192, counts.map(point).to_vec(), [full, farfield])
+    EqualTime::timed((light, view), 8.0 * factor, 8192, counts.map(point).to_vec(), [full, farfield])
 }
 
 fn level(index: usize, size: [u32; 2], speed: f64, pictures: &mut Pictures) -> LevelVerification {

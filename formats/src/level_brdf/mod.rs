@@ -214,18 +214,24 @@ impl BoundBrdf<'_> {
     /// `None` where the direction drawn lies below the horizon of the base or of `n_c`: a lost sample, which counts as
     /// one of value 0.
     pub fn sample(&self, u: [f32; 3]) -> Option<LevelSample> {
+        let wi = self.sample_direction(u)?;
+        let (f, pdf) = self.eval_pdf(wi);
+        (pdf > 0.0).then_some(LevelSample { wi, pdf, f })
+    }
+
+    /// The direction of [`BoundBrdf::sample`] alone, for who may have no use for it once it is known: no light there.
+    ///
+    /// A direction whose [`BoundBrdf::pdf`] is 0 is a lost sample, too.
+    pub fn sample_direction(&self, u: [f32; 3]) -> Option<[f32; 3]> {
         if self.scale == 0.0 {
             return None;
         }
         let sampler = self.sampler();
-        let wi = if u[2] < sampler.cosine {
-            cosine_direction(self.hit.n_c, [u[0], u[1]])
-        } else {
-            let choice = (u[2] - sampler.cosine) / (1.0 - sampler.cosine);
-            sampler.half.sample(&self.lobes, self.wo, [u[0], u[1], choice])?
-        };
-        let (f, pdf) = self.eval_pdf(wi);
-        (pdf > 0.0).then_some(LevelSample { wi, pdf, f })
+        if u[2] < sampler.cosine {
+            return Some(cosine_direction(self.hit.n_c, [u[0], u[1]]));
+        }
+        let choice = (u[2] - sampler.cosine) / (1.0 - sampler.cosine);
+        sampler.half.sample(&self.lobes, self.wo, [u[0], u[1], choice])
     }
 
     fn incident(&self, wi: [f32; 3]) -> Incident {

@@ -157,7 +157,7 @@ pub(super) fn equal_times(level: &LevelVerification) -> Markup {
                                 @if i == 0 {
                                     th scope="rowgroup" rowspan=(comparison.points.len()) {
                                         (words::case(comparison.light, comparison.view))
-                                        small { "reference " (comparison.reference_samples) " samples" }
+                                        small { "φ " (words::three_digits(comparison.footprint_texels)) " texels, reference " (comparison.reference_samples) " samples" }
                                     }
                                 }
                                 (cell(Some(point.samples.to_string())))

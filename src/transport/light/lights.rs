@@ -85,6 +85,12 @@ impl Lights {
         }
     }
 
+    /// What a ray meets of the lights if nothing else is there: metres (infinite for distant lights) and radiance.
+    pub fn met(&self, origin: DVec3, direction: Vec3) -> (f64, [f32; 3]) {
+        let near = self.nearest_area(origin, direction, f64::INFINITY);
+        near.unwrap_or_else(|| (f64::INFINITY, self.distant(direction)))
+    }
+
     /// The nearest area light before `t_max`: metres and radiance.
     fn nearest_area(&self, origin: DVec3, direction: Vec3, t_max: f64) -> Option<(f64, [f32; 3])> {
         let near = self.lights.iter().filter(|light| !light.is_distant());
