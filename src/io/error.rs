@@ -26,6 +26,8 @@ pub enum Error {
     Empty {
         /// The file.
         file: String,
+        /// The kinds of image that would do.
+        wanted: &'static str,
     },
     /// The file has more bytes than any admissible image.
     TooLong {
@@ -40,6 +42,8 @@ pub enum Error {
         file: String,
         /// The first bytes, printable.
         found: String,
+        /// The kinds of image that would do.
+        wanted: &'static str,
     },
     /// The header claims more texels than are admissible, or none.
     Size {
@@ -67,7 +71,7 @@ pub enum Error {
     Damaged {
         /// The file.
         file: String,
-        /// `EXR`, `PNG`, `TIFF`, `JPEG`.
+        /// `EXR`, `PNG`, `TIFF`, `JPEG`, `HDR`.
         format: &'static str,
         /// What the decoder found.
         found: String,
@@ -128,16 +132,14 @@ impl fmt::Display for Error {
                 write!(f, "`{file}`: cannot be {action}: {}", lower_first(cause))
             }
             Self::NotAFile { file, found } => write!(f, "`{file}`: is a {found}; wanted a file"),
-            Self::Empty { file } => {
-                write!(f, "`{file}`: is empty (0 bytes); wanted an EXR, PNG, TIFF or JPEG image")
-            }
+            Self::Empty { file, wanted } => write!(f, "`{file}`: is empty (0 bytes); wanted {wanted}"),
             Self::TooLong { file, bytes } => write!(
                 f,
                 "`{file}`: has {bytes} bytes; wanted at most {} (an image of 16384 × 16384 texels)",
                 super::source::MAX_BYTES
             ),
-            Self::UnknownFormat { file, found } => {
-                write!(f, "`{file}`: begins with {found}; wanted an EXR, PNG, TIFF or JPEG image")
+            Self::UnknownFormat { file, found, wanted } => {
+                write!(f, "`{file}`: begins with {found}; wanted {wanted}")
             }
             Self::Size { file, width, height } => write!(
                 f,

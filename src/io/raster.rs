@@ -8,6 +8,9 @@ pub(super) const MAX_SIDE: u64 = 16384;
 /// The largest admissible image: 16384².
 pub const MAX_TEXELS: u64 = MAX_SIDE * MAX_SIDE;
 
+/// The kinds of image that are read, for messages.
+const KINDS: &str = "an EXR, PNG, TIFF or JPEG image";
+
 /// What the stored numbers of an image mean for light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Transfer {
@@ -64,17 +67,17 @@ impl Choice<'_> {
 pub(super) fn decode(file: &SourceFile, choice: Choice<'_>) -> Result<Raster, Error> {
     let bytes = file.bytes();
     match bytes {
-        [] => Err(Error::Empty { file: file.name().into() }),
+        [] => Err(Error::Empty { file: file.name().into(), wanted: KINDS }),
         [0x76, 0x2f, 0x31, 0x01, ..] => exr_image::decode(file, choice),
         [0x89, b'P', b'N', b'G', ..] => png_image::decode(file, choice),
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff_image::decode(file, choice),
         [0xff, 0xd8, 0xff, ..] => jpeg_image::decode(file, choice),
-        _ => Err(Error::UnknownFormat { file: file.name().into(), found: first_bytes(bytes) }),
+        _ => Err(Error::UnknownFormat { file: file.name().into(), found: first_bytes(bytes), wanted: KINDS }),
     }
 }
 
 /// The first bytes as text where they are text, else in hexadecimal.
-fn first_bytes(bytes: &[u8]) -> String {
+pub(super) fn first_bytes(bytes: &[u8]) -> String {
     let start = &bytes[..bytes.len().min(8)];
     if start.iter().all(|b| b.is_ascii_graphic() || *b == b' ') {
         format!("`{}`", String::from_utf8_lossy(start))
