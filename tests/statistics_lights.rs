@@ -1,7 +1,10 @@
-//! Lights against closed forms and their own densities: irradiance by every way of sampling, chi-square of the samplers.
+//! Lights against closed forms and their own densities: irradiance by every way of sampling, chi-square of the
+//! samplers.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
+use farfield::io::SourceFile;
+use farfield::io::environment::decode_environment;
 use farfield::math::rng::Stream;
 use farfield::transport::light::{AreaLight, ConstantLight, DirectionalLight, ImageLight, Light, LightSample, Lights};
 use farfield::transport::{Accumulator, Estimate};
@@ -129,25 +132,28 @@ fn every_light_that_can_be_a_constant_sky_gives_the_same() {
     }
 }
 
+/// Σ L ∫ y dω over the texels above the horizon, in red.
+fn summed_irradiance(image: &ImageLight, size: [usize; 2], rotation: f64) -> f64 {
+    let step = [TAU / size[0] as f64, PI / size[1] as f64];
+    let rim = |v: usize| (step[1] * v as f64).cos().max(0.0).powi(2);
+    let texel = |i: usize| {
+        let (u, v) = (i % size[0], i / size[0]);
+        let centre = [step[0] * (u as f64 + 0.5) - PI - rotation, step[1] * (v as f64 + 0.5)];
+        f64::from(image.radiance(spherical(centre))[0]) * step[0] * 0.5 * (rim(v) - rim(v + 1))
+    };
+    (0..size[0] * size[1]).map(texel).sum()
+}
+
 #[test]
 fn an_image_gives_the_sum_over_its_texels() {
-    for size in [[16, 8], [9, 5]] {
-        let (image, rotation) = (speckled(size, 0.9), 0.9);
-        let rim = |v: usize| (PI * v as f64 / size[1] as f64).cos().max(0.0);
-        let exact: f64 = (0..size[0] * size[1])
-            .map(|i| {
-                let (u, v) = (i % size[0], i / size[0]);
-                let angles = [
-                    TAU * ((u as f64 + 0.5) / size[0] as f64 - 0.5) - rotation,
-                    PI * (v as f64 + 0.5) / size[1] as f64,
-                ];
-                f64::from(image.radiance(spherical(angles))[0]) * TAU / size[0] as f64
-                    * 0.5
-                    * (rim(v).powi(2) - rim(v + 1).powi(2))
-            })
-            .sum();
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/environments/studio.exr");
+    let studio = decode_environment(&SourceFile::read(path.as_ref()).unwrap()).unwrap();
+    let studio = ImageLight::new(studio.texels, [studio.width, studio.height], 2.0, 0.9);
+    for (image, size) in [(speckled([16, 8], 0.9), [16, 8]), (speckled([9, 5], 0.9), [9, 5]), (studio, [1024, 512])] {
+        let exact = summed_irradiance(&image, size, 0.9);
         let light = Light::Image(image);
-        expect_mean("image", mean(30, |_, u| irradiance_of(light.sample(DVec3::ZERO, u), Vec3::Y)), exact, 1e-6);
+        let estimate = mean(30, |_, u| irradiance_of(light.sample(DVec3::ZERO, u), Vec3::Y));
+        expect_mean(&format!("image {size:?}"), estimate, exact, 1e-6);
     }
 }
 

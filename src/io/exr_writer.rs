@@ -31,8 +31,8 @@ pub struct ExrImage {
 /// format wants them.
 ///
 /// # Panics
-/// If a plane is not of `size`, there is none, a channel has no ASCII name or two have the same, or an attribute's name is
-/// not of 1 to 31 ASCII bytes other than 0.
+/// If a plane is not of `size`, there is none, a channel has no ASCII name or two have the same, or an attribute's name
+/// is not of 1 to 31 ASCII bytes other than 0.
 pub fn encode_exr(image: &ExrImage) -> Vec<u8> {
     let [width, height] = image.size;
     let names: std::collections::BTreeSet<&str> = image.channels.iter().map(|(name, _)| name.as_str()).collect();
@@ -54,7 +54,8 @@ pub fn encode_exr(image: &ExrImage) -> Vec<u8> {
 
 /// Inserts text attributes before the end of the header and moves what the offset table points to.
 ///
-/// The `exr` crate keeps attributes of free names in a hash map and writes them in its order, which changes from run to run.
+/// The `exr` crate keeps attributes of free names in a hash map and writes them in its order, which changes from run to
+/// run.
 fn with_attributes(bytes: Vec<u8>, attributes: &BTreeMap<String, String>) -> Vec<u8> {
     let mut inserted = Vec::new();
     for (name, value) in attributes {

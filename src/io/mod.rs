@@ -1,4 +1,5 @@
-//! Every byte in or out: height maps, colour maps, environments, renderings, and the folders that assets are published in.
+//! Every byte in or out: height maps, colour maps, environments, renderings, and the folders that assets are published
+//! in.
 //!
 //! A file is read once, whole, as a [`SourceFile`]; what is decoded is what was hashed. Its kind follows from its
 //! first bytes, not from its name. Every length that a header claims is held against [`MAX_TEXELS`] and against the

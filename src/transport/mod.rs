@@ -1,7 +1,7 @@
 //! Light between surfaces: effective BRDFs of a patch by exact ray casts, with their variance, and lights to see by.
 //!
-//! [`effective`] samples points of a patch and what they see; F and A of either surface are sums over these points. Every
-//! mean travels with its variance and count as an [`Estimate`]. [`light`] holds what illuminates a scene.
+//! [`effective`] samples points of a patch and what they see; F and A of either surface are sums over these points.
+//! Every mean travels with its variance and count as an [`Estimate`]. [`light`] holds what illuminates a scene.
 
 pub mod camera;
 pub mod effective;

@@ -9,10 +9,13 @@ use super::{LightSample, luminance};
 /// Solid angle in steradians under which the rectangle is sampled by area instead.
 ///
 /// The angles of a rectangle cancel to a rounding error of about 1e-15, and dividing it by their sines edge-on makes it
-/// larger. Over 280 000 views at every slant that share of the solid angle by which a point is misplaced was at
-/// most 3e-7 here, a few steps of `u`; it was 2e-6 at 1e-5 sr and 8e-5 at 1e-7 sr. So small a rectangle is either far, and then both
-/// densities are nearly the same, or seen edge-on, where it gives little light.
+/// larger. Over 280 000 views at every slant that share of the solid angle by which a point is misplaced was at most
+/// 3e-7 here, a few steps of `u`; it was 2e-6 at 1e-5 sr and 8e-5 at 1e-7 sr. So small a rectangle is either far, and
+/// then both densities are nearly the same, or seen edge-on, where it gives little light.
 const MIN_SOLID_ANGLE: f64 = 1e-4;
+
+/// Cosine of the angle from y, 2.6°, within which a rectangle is not oriented by y.
+const MAX_UPRIGHT_COSINE: f64 = 0.999;
 
 /// A rectangle with the same radiance from every point of its front to every direction.
 ///
@@ -50,18 +53,20 @@ impl AreaLight {
 
     /// The rectangle of `size` metres about `centre` whose front faces `target`.
     ///
-    /// `size[0]` runs level where `up` is the world's y, `size[1]` along `up` made perpendicular.
+    /// `size[1]` runs along `up` made perpendicular, `size[0]` across. Without `up` that is the world's y or, for a
+    /// light that looks down or up, −z.
     ///
     /// # Panics
     /// If `centre` is `target`, or `up` is parallel to the way between them, or a size is not positive.
-    pub fn facing(centre: DVec3, target: DVec3, up: DVec3, size: [f64; 2], radiance: [f32; 3]) -> Self {
+    pub fn facing(centre: DVec3, target: DVec3, up: Option<DVec3>, size: [f64; 2], radiance: [f32; 3]) -> Self {
         assert!(centre != target, "a light that faces somewhere");
         assert!(size[0] > 0.0 && size[1] > 0.0, "sizes in metres, greater than 0");
         let normal = (target - centre).normalize();
-        let level = up.cross(normal);
-        assert!(level.length() > 1e-9 * up.length(), "an up that is not along the view");
-        let level = level.normalize();
-        let half_edges = [level * (0.5 * size[0]), normal.cross(level) * (0.5 * size[1])];
+        let up = up.unwrap_or(if normal.y.abs() > MAX_UPRIGHT_COSINE { DVec3::NEG_Z } else { DVec3::Y });
+        let across = up.cross(normal);
+        assert!(across.length() > 1e-9 * up.length(), "an up that is not along the view");
+        let across = across.normalize();
+        let half_edges = [across * (0.5 * size[0]), normal.cross(across) * (0.5 * size[1])];
         Self::new(centre, half_edges, radiance)
     }
 
@@ -100,8 +105,8 @@ impl AreaLight {
         (if by_angle { 1.0 / solid_angle } else { self.pdf_by_area(distance, cos_light) }) as f32
     }
 
-    /// Luminance of about the irradiance on a plane that faces the light: radiance times the solid angle of a disk of the
-    /// same area and slant, which stays below 2π up close.
+    /// Luminance of about the irradiance on a plane that faces the light: radiance times the solid angle of a disk of
+    /// the same area and slant, which stays below 2π up close.
     pub(super) fn strength(&self, from: DVec3) -> f64 {
         let centre = self.corner + 0.5 * (self.lengths[0] * self.x + self.lengths[1] * self.y);
         let away = from - centre;
@@ -139,6 +144,8 @@ struct View {
     x: [f64; 2],
     y: [f64; 2],
     z0: f64,
+    /// Corner angles on the edge x = x0, at y0 and y1.
+    left: [f64; 2],
     solid_angle: f64,
 }
 
@@ -151,38 +158,26 @@ impl View {
             return None;
         }
         let [x0, y0] = [to_corner.dot(light.x), to_corner.dot(light.y)];
-        let [x, y] = [[x0, x0 + light.lengths[0]], [y0, y0 + light.lengths[1]]];
-        let view = Self { x, y, z0, solid_angle: 0.0 };
-        let [near, far] = view.lower_angles();
-        let solid_angle = view.corner_angle(x[1], y[1]) - view.corner_angle(x[1], y[0]) + near - far;
-        Some(Self { solid_angle, ..view })
+        Some(Self::of([x0, x0 + light.lengths[0]], [y0, y0 + light.lengths[1]], z0))
     }
 
-    /// Solid angle between the foot of the perpendicular and the corner (x, y), with the sign of x·y.
-    ///
-    /// atan(x·y / (|z0|·√(x² + y² + z0²))): no difference of nearly equal numbers, other than in the arc cosines of the
-    /// angles between the edges' planes that it replaces.
-    fn corner_angle(&self, x: f64, y: f64) -> f64 {
-        let slant = (x * x + y * y + self.z0 * self.z0).sqrt();
-        (x * y).atan2(-self.z0 * slant)
-    }
-
-    /// The corner angles on the edge x = x0, at y0 and y1.
-    fn lower_angles(&self) -> [f64; 2] {
-        self.y.map(|y| self.corner_angle(self.x[0], y))
+    /// The rectangle [x[0], x[1]] × [y[0], y[1]] at `z0` < 0.
+    fn of(x: [f64; 2], y: [f64; 2], z0: f64) -> Self {
+        let [left, right] = x.map(|x| y.map(|y| corner_angle(x, y, z0)));
+        let solid_angle = right[1] - right[0] - (left[1] - left[0]);
+        Self { x, y, z0, left, solid_angle }
     }
 
     /// A point of the rectangle, uniform in solid angle.
     ///
-    /// [Ureña et al. 2013] sections 4 and 5: x from the share u[0] of the solid angle on its left, then y from the share
-    /// u[1] of the sines of elevation along that line. The angles γ between the planes of the edges are π/2 ∓ the corner
-    /// angles.
+    /// [Ureña et al. 2013] sections 4 and 5: x from the share u[0] of the solid angle on its left, then y from the
+    /// share u[1] of the sines of elevation along that line. The angles γ between the planes of the edges are π/2 ∓ the
+    /// corner angles.
     fn point(&self, u: [f64; 2]) -> DVec3 {
-        let Self { x: [x0, x1], y: [y0, y1], z0, solid_angle } = *self;
+        let Self { x: [x0, x1], y: [y0, y1], z0, left, solid_angle } = *self;
         let b = [y0, -y1].map(|y| -y / (y * y + z0 * z0).sqrt());
-        let [near, far] = self.lower_angles();
-        let angle = u[0] * solid_angle + PI + far - near;
-        let f = (angle.cos() * b[0] - b[1]) / angle.sin();
+        let (sin, cos) = (u[0] * solid_angle + PI + left[1] - left[0]).sin_cos();
+        let f = (cos * b[0] - b[1]) / sin;
         // The clamps absorb rounding at the edges.
         let cos = (1.0f64.copysign(f) / (f * f + b[0] * b[0]).sqrt()).clamp(-1.0, 1.0);
         let x = (-(cos * z0) / (1.0 - cos * cos).sqrt()).clamp(x0, x1);
@@ -198,6 +193,15 @@ impl View {
         let at = |[from, to]: [f64; 2], share: f64| from + share * (to - from);
         DVec3::new(at(self.x, u[0]), at(self.y, u[1]), self.z0)
     }
+}
+
+/// Solid angle between the foot of the perpendicular and the corner (x, y) of a rectangle at `z0` < 0, signed as x·y.
+///
+/// atan(x·y / (|z0|·√(x² + y² + z0²))), which has none of the cancellation of the arc cosine of the angle between the
+/// planes of two edges that it stands for.
+fn corner_angle(x: f64, y: f64, z0: f64) -> f64 {
+    let slant = (x * x + y * y + z0 * z0).sqrt();
+    (x * y).atan2(-z0 * slant)
 }
 
 #[cfg(test)]
@@ -232,13 +236,8 @@ mod tests {
             checked += 1;
             let u = Stream::new(4, 0).uniform_pair(k as u64).map(f64::from);
             let point = view.point(u);
-            let part = |x, y| {
-                let view = View { x, y, ..view };
-                let [near, far] = view.lower_angles();
-                view.corner_angle(x[1], y[1]) - view.corner_angle(x[1], y[0]) + near - far
-            };
             // Eight steps of `u`.
-            let left = part([view.x[0], point.x], view.y) / view.solid_angle;
+            let left = View::of([view.x[0], point.x], view.y, view.z0).solid_angle / view.solid_angle;
             assert!((left - u[0]).abs() < 5e-7, "{from}: {left}, wanted {}", u[0]);
             // Along the line at x solid angle goes by the sine of elevation.
             let sine = |y: f64| y / point.x.hypot(view.z0).hypot(y);
@@ -269,7 +268,7 @@ mod tests {
 
     #[test]
     fn solid_angles_are_the_closed_ones() {
-        let square = AreaLight::facing(DVec3::Y, DVec3::ZERO, DVec3::Z, [2.0, 2.0], [1.0; 3]);
+        let square = AreaLight::facing(DVec3::Y, DVec3::ZERO, None, [2.0, 2.0], [1.0; 3]);
         // One face of the cube about the point is a sixth of the sphere.
         assert!((square.solid_angle(DVec3::ZERO) - 4.0 * PI / 6.0).abs() < 1e-14);
         // Three faces of a cube of twice the edge meet at its corner and share an eighth: a twenty-fourth each.
@@ -282,7 +281,14 @@ mod tests {
 
     #[test]
     fn a_facing_rectangle_shines_on_its_target() {
-        for (centre, up) in [(DVec3::new(0.3, 1.0, -2.0), DVec3::Y), (DVec3::Y, DVec3::NEG_Z), (-DVec3::Y, DVec3::X)] {
+        let slanted = DVec3::new(0.3, 1.0, -2.0);
+        for (centre, up) in [
+            (slanted, None),
+            (slanted, Some(DVec3::Z)),
+            (DVec3::Y, None),
+            (-DVec3::Y, None),
+            (DVec3::Y, Some(DVec3::X)),
+        ] {
             let light = AreaLight::facing(centre, DVec3::ZERO, up, [0.4, 0.2], [2.0; 3]);
             assert!((light.area() - 0.08).abs() < 1e-15);
             let (distance, radiance) = light.emitted(DVec3::ZERO, centre.normalize().as_vec3()).unwrap();

@@ -43,8 +43,8 @@ pub struct ConstantLight {
 impl ConstantLight {
     /// A direction with the density y/π over y > 0.
     ///
-    /// The concentric map gives (√(2 − r²)·r·(cos φ, sin φ), 1 − r²), the disk point r·(cos φ, sin φ) is that over
-    /// √(2 − r²), and what projects onto the disk uniformly follows the cosine (Malley's method). `None` on the horizon,
+    /// The concentric map gives (√(2 − r²)·r·(cos φ, sin φ), 1 − r²), the disk point r·(cos φ, sin φ) is that over √(2
+    /// − r²), and what projects onto the disk uniformly follows the cosine (Malley's method). `None` on the horizon,
     /// where the density is 0.
     pub(super) fn sample(&self, u: [f32; 2]) -> Option<LightSample> {
         let [x, y, z] = direction_of(u);

@@ -1,24 +1,24 @@
 //! What illuminates a scene: directional, area, constant and image lights.
 //!
-//! World frame: right-handed, y up, metres. Directions are unit vectors that point away from the lit point, to the light.
-//! A [`Light`] answers three questions: which direction to try ([`Light::sample`]), with which density that happens
-//! ([`Light::pdf`]), and what a ray that leaves the scene meets ([`Light::emitted`]). [`Lights`] answers them for several at
-//! once, so that a renderer weighs its own directions against theirs with one density.
+//! World frame: right-handed, y up, metres. Directions are unit vectors that point away from the lit point, to the
+//! light. A [`Light`] answers three questions: which direction to try ([`Light::sample`]), with which density that
+//! happens ([`Light::pdf`]), and what a ray that leaves the scene meets ([`Light::emitted`]). [`Lights`] answers them
+//! for several at once, so that a renderer weighs its own directions against theirs with one density.
 //!
-//! Lights that surround the scene are *sampled* over the upper hemisphere (y > 0) alone: objects lie in the xz plane, and
-//! what a height field sees of the sky is above it. They *emit* from below as well: a ray that leaves a piece of surface
-//! across its rim meets them, and there its own density counts alone.
+//! Lights that surround the scene are *sampled* over the upper hemisphere (y > 0) alone: objects lie in the xz plane,
+//! and what a height field sees of the sky is above it. They *emit* from below as well: a ray that leaves a piece of
+//! surface across its rim meets them, and there its own density counts alone.
 
 mod area;
 mod distant;
-mod image;
+mod environment;
 mod lights;
 
 use glam::{DVec3, Vec3};
 
 pub use area::AreaLight;
 pub use distant::{ConstantLight, DirectionalLight};
-pub use image::ImageLight;
+pub use environment::ImageLight;
 pub use lights::Lights;
 
 /// A source of light.
@@ -65,7 +65,8 @@ impl Light {
         }
     }
 
-    /// What reaches `origin` from `direction` if nothing is between, and the metres to it (infinite for distant lights).
+    /// What reaches `origin` from `direction` if nothing is between, and the metres to it (infinite for distant
+    /// lights).
     ///
     /// `None` where the ray misses the light or sees its dark side, and always for delta lights.
     pub fn emitted(&self, origin: DVec3, direction: Vec3) -> Option<(f64, [f32; 3])> {

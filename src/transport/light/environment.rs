@@ -15,9 +15,10 @@ use super::{LightSample, luminance};
 /// in units of the image: its centre column looks along −z, u = ¾ along +x. The map is turned by `rotation` about y,
 /// right-handed (seen from above: counterclockwise), so that its centre looks along (−sin, 0, −cos)(rotation).
 ///
-/// Radiance is constant over a texel, and a texel is proposed by luminance times solid angle: the density of a direction
-/// is its luminance over the sum of all, whatever the size of the texels. Only y > 0 is proposed; a row that the
-/// horizon divides is cut there. Structure that holds less than 2⁻²⁴ of the light of its row is finer than `u` resolves.
+/// Radiance is constant over a texel, and a texel is proposed by luminance times solid angle: the density of a
+/// direction is its luminance over the sum of all, whatever the size of the texels. Only y > 0 is proposed; a row that
+/// the horizon divides is cut there. Structure that holds less than 2⁻²⁴ of the light of its row is finer than `u`
+/// resolves.
 #[derive(Clone, Debug)]
 pub struct ImageLight {
     /// RGB, W/(m² sr), scaled, `[v][u]`.
@@ -43,8 +44,8 @@ impl ImageLight {
     /// `rotation` is in radians about y, right-handed.
     ///
     /// # Panics
-    /// If there are not `size[0]·size[1]` texels, or none, or one is negative or not finite, as is `scale`: `io` and the
-    /// manifest refuse such input.
+    /// If there are not `size[0]·size[1]` texels, or none, or one is negative or not finite, as is `scale`: `io` and
+    /// the manifest refuse such input.
     pub fn new(texels: Vec<[f32; 3]>, size: [usize; 2], scale: f32, rotation: f64) -> Self {
         assert!(texels.len() == size[0] * size[1] && !texels.is_empty(), "one colour a texel");
         let mut radiance = texels;
