@@ -93,7 +93,7 @@ pub(crate) fn parallel(degrees: f64, texels: f64, pixels: usize) -> Camera {
 /// A square light above `width` metres around the origin.
 pub(crate) fn area_light(width: f64) -> Lights {
     let centre = DVec3::new(-0.9, 1.3, 0.5) * width;
-    Lights::new(vec![Light::Area(AreaLight::facing(centre, DVec3::ZERO, DVec3::Z, [0.8 * width; 2], [6.0; 3]))])
+    Lights::new(vec![Light::Area(AreaLight::facing(centre, DVec3::ZERO, Some(DVec3::Z), [0.8 * width; 2], [6.0; 3]))])
 }
 
 /// An image, direct light.

@@ -186,7 +186,7 @@ fn read_light(spec: &LightSpec, folder: &Path, warnings: &mut Vec<String>) -> Re
         LightSpec::Constant { radiance } => Light::Constant(ConstantLight { radiance: *radiance }),
         LightSpec::Area { position, target, up, size, radiance } => {
             let [position, target, up] = [*position, *target, *up].map(DVec3::from_array);
-            Light::Area(AreaLight::facing(position, target, up, *size, *radiance))
+            Light::Area(AreaLight::facing(position, target, Some(up), *size, *radiance))
         }
         LightSpec::Image { file, scale, rotation_degrees } => {
             let source = SourceFile::read(&folder.join(file))?;

@@ -28,7 +28,8 @@ fn a_plane_reflects_the_cosine_of_the_sun() {
 fn a_plane_under_a_rectangle_reflects_its_form_factor() {
     let heights = flat();
     for (half, height) in [(1.0, 2.0), (0.1, 1.0), (30.0, 1.0)] {
-        let light = AreaLight::facing(DVec3::new(0.0, height, 0.0), DVec3::ZERO, DVec3::Z, [2.0 * half; 2], [3.0; 3]);
+        let light =
+            AreaLight::facing(DVec3::new(0.0, height, 0.0), DVec3::ZERO, Some(DVec3::Z), [2.0 * half; 2], [3.0; 3]);
         // a small film: the closed form holds below the centre; seen from the side, past the light's edge
         let film = image(
             &scene(object(&heights, lambert(0.5), 999), Light::Area(light), camera(1.52, 1e-3, 4)),

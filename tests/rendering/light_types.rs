@@ -38,7 +38,7 @@ fn the_sun_is_a_small_far_rectangle_and_a_bright_texel() {
     let sun = || Light::Directional(DirectionalLight { direction, irradiance: [2.0; 3] });
     // 4 m square at 1 km: 0.23° across
     let far = direction.as_dvec3() * 1000.0;
-    let square = || Light::Area(AreaLight::facing(far, DVec3::ZERO, DVec3::Y, [4.0; 2], [2.0 * 1e6 / 16.0; 3]));
+    let square = || Light::Area(AreaLight::facing(far, DVec3::ZERO, Some(DVec3::Y), [4.0; 2], [2.0 * 1e6 / 16.0; 3]));
     for brdf in [lambert(0.7), glossy()] {
         let render = |light| image(&scene(object(&heights, brdf, 41), light, camera(0.6, 20.0, 12)), &SETTINGS, 500);
         // shadow borders of 0.23° and of the sun differ by less than a thousandth of the lit area
@@ -69,7 +69,13 @@ fn several_lights_add_up() {
         vec![
             Light::Constant(ConstantLight { radiance: [0.3; 3] }),
             Light::Directional(DirectionalLight { direction: Vec3::new(0.6, 0.8, 0.0), irradiance: [1.0; 3] }),
-            Light::Area(AreaLight::facing(DVec3::new(-20.0, 40.0, 0.0), DVec3::ZERO, DVec3::Z, [10.0; 2], [4.0; 3])),
+            Light::Area(AreaLight::facing(
+                DVec3::new(-20.0, 40.0, 0.0),
+                DVec3::ZERO,
+                Some(DVec3::Z),
+                [10.0; 2],
+                [4.0; 3],
+            )),
         ]
     };
     let brdf = glossy();

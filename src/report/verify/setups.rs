@@ -82,7 +82,7 @@ pub(super) fn lights(light: Light, width: f64, relief: f64) -> Lights {
             let scale = width.max(4.0 * relief);
             let centre = DVec3::from_array(AREA_PLACE) * scale;
             let side = AREA_SIDE * scale;
-            light::Light::Area(AreaLight::facing(centre, DVec3::ZERO, DVec3::Z, [side; 2], [AREA_RADIANCE; 3]))
+            light::Light::Area(AreaLight::facing(centre, DVec3::ZERO, Some(DVec3::Z), [side; 2], [AREA_RADIANCE; 3]))
         }
         Light::Image => {
             let texels = (0..SKY_SIZE[0] * SKY_SIZE[1]).map(sky).collect();

@@ -65,7 +65,7 @@ mod tests {
         let moments = slope_moments(&fine, [3, 2]);
         let n = 480;
         for (cell, moments) in moments.iter().enumerate() {
-            let [mut mean, mut second] = [[0.0; 2], [0.0; 3]];
+            let (mut mean, mut second) = ([0.0; 2], [0.0; 3]);
             for k in 0..n * n {
                 let fraction = [k % n, k / n].map(|i| (i as f64 + 0.5) / n as f64);
                 let place = [(fraction[0] + (cell % 3) as f64) * 8.0 / 3.0, (fraction[1] + (cell / 3) as f64) * 3.0];
