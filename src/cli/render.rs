@@ -141,7 +141,7 @@ fn write(args: &RenderArgs, film: &Film, settings: &RenderSettings) -> Result<()
     let bytes = encode_exr(&exr(args, film, settings, &rgb));
     publisher.file(&args.output, &bytes).map_err(|error| error.to_string())?;
     if args.png {
-        let png = encode_png(&rgb, width as u32, height as u32, args.exposure.exp2());
+        let png = encode_png(&rgb, width as u32, height as u32, args.exposure);
         publisher.file(&args.output.with_extension("png"), &png).map_err(|error| error.to_string())?;
     }
     Ok(())

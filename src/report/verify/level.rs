@@ -91,8 +91,9 @@ impl LevelRun<'_> {
         }
         let drawn: Vec<Drawn<'_>> =
             drawn.iter().map(|(model, image, flip)| Drawn { model: *model, image, flip }).collect();
-        let pictures =
-            CasePictures::draw(&picture, &drawn, exposure, |rgb, factor| encode_png(rgb, pixels[0], pixels[1], factor));
+        let pictures = CasePictures::draw(&picture, &drawn, exposure, |rgb, factor| {
+            encode_png(rgb, pixels[0], pixels[1], factor.log2())
+        });
         let scene = self.scene(&self.surface.full, light, &shot);
         let case = Case {
             light,
