@@ -148,7 +148,9 @@ fn a_verification_says_the_same_on_any_number_of_threads() {
         assert_eq!(said.code, 0, "{}", said.stderr);
         assert!(said.stdout.ends_with(&format!("report: {folder}/report.html\n")), "{}", said.stdout);
         let page = std::fs::read_to_string(project.path().join(folder).join("report.html")).unwrap();
-        assert!(page.contains("data:image/png;base64,") && !page.contains("http://") && !page.contains("src=\"http"));
+        assert!(
+            page.contains("data:image/png;base64,") && !page.contains("src=\"http") && !page.contains("href=\"http")
+        );
     }
     let [one, three] = ["one", "three"].map(|folder| figures(&project, folder));
     assert_eq!(one, three);
