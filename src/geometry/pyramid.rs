@@ -179,8 +179,8 @@ impl Pyramid {
                 met = waiting[level as usize];
                 continue;
             }
-            let [column, row] = ray.square(met.trailing_zeros());
-            met &= met - 1;
+            let [column, row];
+            (met, [column, row]) = ray.first_square(met);
             let child = [4 * x + column, 4 * y + row];
             if level > 0 {
                 waiting[level as usize] = met;

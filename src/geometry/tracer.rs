@@ -7,7 +7,7 @@
 use glam::{DVec3, Vec3};
 
 use super::patch::{CellRay, Patch, Side};
-use super::pyramid::{Block, Candidate, Pyramid, cell_bits};
+use super::pyramid::{Block, Candidate, Pyramid};
 use super::wide_ray::{Magnitude, WideRay};
 use super::{Boundary, HeightField};
 

@@ -10,25 +10,26 @@ use super::patch::{CellRay, Side};
 /// rises over it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct WideRay {
-    start: [f32; 2],
-    dir: [f32; 2],
+    /// Where it starts, and cells along u and v per metre of t.
+    start: [Vec4; 2],
+    dir: [Vec4; 2],
     /// 1 / `dir`, and the same widened by [`SPAN_PADDING`].
-    inv: [f32; 2],
-    inv_out: [f32; 2],
+    inv: [Vec4; 2],
+    inv_out: [Vec4; 2],
     /// Where the ray enters a square along u and v: 0 or 1.
     near: [f32; 2],
     /// Rows along v in the order along the ray.
     rows: Vec4,
     /// Mirrored height of the start less what rounding may add to a gap, metres.
-    z: f32,
+    z: Vec4,
     /// Mirrored climb, and its part in a descent and in an ascent.
-    dz: f32,
-    fall: f32,
-    rise: f32,
-    t_end: f32,
-    mirror: f32,
+    dz: Vec4,
+    fall: Vec4,
+    rise: Vec4,
+    t_end: Vec4,
+    mirror: Vec4,
     /// What makes the twist of a cell the curvature of the gap.
-    bend: f32,
+    bend: Vec4,
     side: Side,
     /// Column and row `k ^ flip` along u and v is the k-th along the ray.
     flip: [u32; 2],
@@ -57,6 +58,9 @@ const SPAN_PADDING: f32 = 1e-6;
 /// Heights along the ray are off by at most 8 roundings of 6e-8, places by 5 and by the widening of exits; a place comes in
 /// four times, twice along each axis.
 const GAP_PADDING: f64 = 1e-5;
+/// First set bit of four, and last.
+const FIRST_COLUMN: [[u8; 16]; 2] =
+    [[0, 0, 1, 0, 2, 0, 1, 0, 3, 0, 1, 0, 2, 0, 1, 0], [0, 0, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3]];
 const LANES: Vec4 = Vec4::new(0.0, 1.0, 2.0, 3.0);
 
 impl WideRay {
@@ -70,19 +74,19 @@ impl WideRay {
         let dz = (mirror * ray.dz) as f32;
         let inv = ray.inv.map(|x| x as f32);
         Self {
-            start: ray.start.map(|x| x as f32),
-            dir: ray.dir.map(|x| x as f32),
-            inv,
-            inv_out: inv.map(|x| x * (1.0 + SPAN_PADDING)),
+            start: ray.start.map(|x| Vec4::splat(x as f32)),
+            dir: ray.dir.map(|x| Vec4::splat(x as f32)),
+            inv: inv.map(Vec4::splat),
+            inv_out: inv.map(|x| Vec4::splat(x * (1.0 + SPAN_PADDING))),
             near,
             rows: (LANES - 3.0 * near[1]).abs(),
-            z: (mirror * ray.z - padding) as f32,
-            dz,
-            fall: dz.min(0.0),
-            rise: dz.max(0.0),
-            t_end: ray.t_end as f32 * (1.0 + SPAN_PADDING),
-            mirror: mirror as f32,
-            bend: (mirror * ray.dir[0] * ray.dir[1]) as f32,
+            z: Vec4::splat((mirror * ray.z - padding) as f32),
+            dz: Vec4::splat(dz),
+            fall: Vec4::splat(dz.min(0.0)),
+            rise: Vec4::splat(dz.max(0.0)),
+            t_end: Vec4::splat(ray.t_end as f32 * (1.0 + SPAN_PADDING)),
+            mirror: Vec4::splat(mirror as f32),
+            bend: Vec4::splat((0.5 * mirror * ray.dir[0] * ray.dir[1]) as f32),
             side,
             flip: backward.map(|backward| 3 * u32::from(backward)),
         }
@@ -98,19 +102,18 @@ impl WideRay {
     #[inline(always)]
     pub(super) fn slabs(&self, corner: [i32; 2], size: f32) -> Slabs {
         // The planes are whole numbers and exact; the one rounding of the difference is relative to it.
-        let t = |axis: usize, squares: Vec4, side: f32, inv: [f32; 2]| {
-            (squares * size + (corner[axis] as f32 + side * size) - self.start[axis]) * inv[axis]
-        };
         let both = |axis: usize, squares: Vec4| {
-            let near = self.near[axis];
-            [t(axis, squares, near, self.inv), t(axis, squares, 1.0 - near, self.inv_out)]
+            let (squares, corner) = (squares * size, corner[axis] as f32);
+            let side = size * self.near[axis];
+            let enter = squares + Vec4::splat(corner + side) - self.start[axis];
+            let leave = squares + Vec4::splat(corner + (size - side)) - self.start[axis];
+            [enter * self.inv[axis], leave * self.inv_out[axis]]
         };
         let [first, last] = both(0, LANES);
-        let columns = [first.max(Vec4::ZERO), last.min(Vec4::splat(self.t_end))];
-        Slabs { columns, rows: both(1, self.rows) }
+        Slabs { columns: [first.max(Vec4::ZERO), last.min(self.t_end)], rows: both(1, self.rows) }
     }
 
-    /// Which of 4 × 4 boxes as high as `highest` the ray may meet; bits in the order along the ray.
+    /// Which of 4 × 4 boxes as high as `highest` the ray may meet: bits 4·k + column, the k-th row along the ray.
     #[inline(always)]
     pub(super) fn meets(&self, slabs: &Slabs, highest: &[[f32; 4]; 4]) -> u32 {
         let mut met = 0;
@@ -120,15 +123,7 @@ impl WideRay {
             let lowest = t_in * self.rise + t_out * self.fall + self.z;
             met |= (t_in.cmple(t_out) & lowest.cmple(Vec4::from_array(highest[row]))).bitmask() << (4 * k);
         }
-        self.along(met)
-    }
-
-    /// Columns of 4 × 4 bits in the order along the ray.
-    #[inline(always)]
-    fn along(&self, bits: u32) -> u32 {
-        let swapped = ((bits >> 1) & 0x5555) | ((bits & 0x5555) << 1);
-        let reversed = ((swapped >> 2) & 0x3333) | ((swapped & 0x3333) << 2);
-        if self.flip[0] == 0 { bits } else { reversed }
+        met
     }
 
     /// Which of four rows as high as `highest` the ray may meet; bits in the order along the ray.
@@ -151,23 +146,25 @@ impl WideRay {
         let [t_in, t_out] = slabs.row(k);
         let (along_u, along_v) = (h10 - h00, h01 - h00);
         let twist = (h11 - h01) - along_u;
-        let first = [0, 1].map(|axis| self.start[axis] - corner[axis] as f32);
-        let first_u = first[0] - LANES;
+        let first_u = self.start[0] - Vec4::splat(corner[0] as f32) - LANES;
+        let first_v = self.start[1] - Vec4::splat(corner[1] as f32);
         let gap = |t: Vec4| {
-            let [s, f] = [t * self.dir[0] + first_u, t * self.dir[1] + first[1]];
+            let [s, f] = [t * self.dir[0] + first_u, t * self.dir[1] + first_v];
             let height = h00 + along_u * s + (along_v + twist * s) * f;
             t * self.dz + self.z - height * self.mirror
         };
         let (g0, g2) = (gap(t_in), gap(t_out));
         let length = t_out - t_in;
-        let g1 = (g0 + g2 + twist * self.bend * length * length) * 0.5;
+        let g1 = (g0 + g2) * 0.5 + twist * self.bend * (length * length);
         (t_in.cmple(t_out) & g0.min(g1).min(g2).cmple(Vec4::ZERO)).bitmask()
     }
 
-    /// Column and row of the k-th of 4 × 4 squares along the ray.
+    /// Column and row of the first of 4 × 4 squares along the ray; `met` as [`Self::meets`] gives it, not empty.
     #[inline(always)]
-    pub(super) fn square(&self, k: u32) -> [u32; 2] {
-        [(k & 3) ^ self.flip[0], self.row(k >> 2)]
+    pub(super) fn first_square(&self, met: u32) -> (u32, [u32; 2]) {
+        let k = met.trailing_zeros() >> 2;
+        let column = self.first_column(met >> (4 * k) & 15);
+        (met ^ (1 << (4 * k + column)), [column, self.row(k)])
     }
 
     /// The k-th row along the ray.
@@ -179,7 +176,7 @@ impl WideRay {
     /// The first of the columns along the ray; `columns` are bits along u, at least one.
     #[inline(always)]
     pub(super) fn first_column(&self, columns: u32) -> u32 {
-        if self.flip[0] == 0 { columns.trailing_zeros() } else { 31 - columns.leading_zeros() }
+        u32::from(FIRST_COLUMN[(self.flip[0] & 1) as usize][(columns & 15) as usize])
     }
 }
 
