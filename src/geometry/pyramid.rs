@@ -31,7 +31,20 @@ pub(super) struct Pyramid {
     panels: Panels,
     nodes: Vec<Node>,
     levels: Vec<LevelSpan>,
+    /// Tiles that lie wholly on the map.
+    full: [u32; 2],
 }
+
+/// How a walk ended.
+pub(super) enum Walked<R> {
+    Found(R),
+    Missed,
+    /// Nothing met before t.
+    Unfinished(f32),
+}
+
+/// Tiles of a walk.
+const WALK: usize = 16;
 
 /// Levels that may wait: 16·4^12 cells are more than any map has.
 const LEVELS: usize = 13;
@@ -100,7 +113,7 @@ impl Candidate {
 
 impl Pyramid {
     pub(super) fn new(heights: &HeightField) -> Self {
-        let mut pyramid = Self { panels: Panels::new(heights), nodes: Vec::new(), levels: Vec::new() };
+        let mut pyramid = Self { panels: Panels::new(heights), nodes: Vec::new(), levels: Vec::new(), full: heights.size().map(|n| (n / 4) as u32) };
         let mut width = heights.size().map(|n| n.div_ceil(4));
         let mut bounds = tile_bounds(heights, width);
         while pyramid.levels.is_empty() || width != [1, 1] {
@@ -194,6 +207,45 @@ impl Pyramid {
                 return found;
             }
         }
+    }
+
+    /// Walks from tile to tile from that of `cell`, for as long as that is quick.
+    #[inline(always)]
+    pub(super) fn walk<R>(
+        &self,
+        ray: &WideRay,
+        cell: [usize; 2],
+        leaf: impl Fn(&Candidate) -> Option<R>,
+    ) -> Walked<R> {
+        let span = self.levels[0];
+        let side = usize::from(ray.side() == Side::Below);
+        let [mut x, mut y] = [(cell[0] >> 2) as i32, (cell[1] >> 2) as i32];
+        let mut corner = [4 * x - cell[0] as i32, 4 * y - cell[1] as i32];
+        let mut walk = ray.tile_walk(corner);
+        for _ in 0..WALK {
+            if x as u32 >= self.full[0] || y as u32 >= self.full[1] {
+                return Walked::Unfinished(walk.t_in);
+            }
+            let step = walk.step();
+            let node = &self.nodes[span.offset + (y >> 2) as usize * span.width + (x >> 2) as usize];
+            let highest = node.0[side][(y & 3) as usize][(x & 3) as usize];
+            if walk.lowest(step.t_out) <= highest {
+                let found = self.search_tile(ray, [x as u32, y as u32], corner, highest, &leaf);
+                if let Some(found) = found {
+                    return Walked::Found(found);
+                }
+            }
+            if step.ended {
+                return Walked::Missed;
+            }
+            if step.tie {
+                return Walked::Unfinished(0.0);
+            }
+            let [du, dv] = walk.advance(&step);
+            (x, y) = (x + du, y + dv);
+            corner = [corner[0] + 4 * du, corner[1] + 4 * dv];
+        }
+        Walked::Unfinished(walk.t_in)
     }
 
     /// The children of a node that the ray may meet.

@@ -7,7 +7,7 @@
 use glam::{DVec3, Vec3};
 
 use super::patch::{CellRay, Patch, Side};
-use super::pyramid::{Block, Candidate, Pyramid};
+use super::pyramid::{Block, Candidate, Pyramid, Walked};
 use super::wide_ray::{Magnitude, WideRay};
 use super::{Boundary, HeightField};
 
@@ -298,6 +298,11 @@ impl<'a> HeightTracer<'a> {
     ) -> Option<R> {
         let size = self.heights.size().map(|n| n as i32);
         let wide_ray = WideRay::new(ray, side, self.magnitude);
+        let wide_ray = match self.pyramid.walk(&wide_ray, cell, &leaf) {
+            Walked::Found(found) => return Some(found),
+            Walked::Missed => return None,
+            Walked::Unfinished(t) => wide_ray.starting_at(t),
+        };
         let length = ray.t_end * ray.dir[0].abs().max(ray.dir[1].abs());
         let level = block_level(length).min(self.pyramid.top());
         let mut block = Block::new(level, cell);

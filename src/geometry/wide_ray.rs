@@ -26,6 +26,7 @@ pub(super) struct WideRay {
     dz: Vec4,
     fall: Vec4,
     rise: Vec4,
+    t_start: Vec4,
     t_end: Vec4,
     mirror: Vec4,
     /// What makes the twist of a cell the curvature of the gap.
@@ -33,6 +34,75 @@ pub(super) struct WideRay {
     side: Side,
     /// Column and row `k ^ flip` along u and v is the k-th along the ray.
     flip: [u32; 2],
+}
+
+/// A walk of a ray from square to square, in scalars.
+pub(super) struct Walk {
+    start: [f32; 2],
+    inv: [f32; 2],
+    /// Planes where the ray leaves the square, and the way to the next, in cells from its start.
+    plane: [f32; 2],
+    pace: [f32; 2],
+    way: [i32; 2],
+    z: f32,
+    rise: f32,
+    fall: f32,
+    pub(super) t_in: f32,
+    t_end: f32,
+}
+
+pub(super) struct Step {
+    t: [f32; 2],
+    pub(super) t_out: f32,
+    pub(super) ended: bool,
+    pub(super) tie: bool,
+}
+
+impl Walk {
+    #[inline(always)]
+    pub(super) fn step(&self) -> Step {
+        let t = [(self.plane[0] - self.start[0]) * self.inv[0], (self.plane[1] - self.start[1]) * self.inv[1]];
+        let t_out = t[0].min(t[1]);
+        Step { t, t_out, ended: t_out >= self.t_end, tie: (t[0] - t[1]).abs() <= 1e-6 * t_out }
+    }
+    #[inline(always)]
+    pub(super) fn lowest(&self, t_out: f32) -> f32 {
+        self.z + (self.t_in * self.rise + t_out.min(self.t_end) * self.fall)
+    }
+    #[inline(always)]
+    pub(super) fn advance(&mut self, step: &Step) -> [i32; 2] {
+        let u = i32::from(step.t[0] < step.t[1]);
+        let v = 1 - u;
+        self.plane = [self.plane[0] + self.pace[0] * u as f32, self.plane[1] + self.pace[1] * v as f32];
+        self.t_in = step.t_out;
+        [self.way[0] & -u, self.way[1] & -v]
+    }
+}
+
+impl WideRay {
+    #[inline(always)]
+    pub(super) fn tile_walk(&self, corner: [i32; 2]) -> Walk {
+        let forward = [0, 1].map(|k| 1.0 - self.near[k]);
+        let way = [1 - 2 * self.near[0] as i32, 1 - 2 * self.near[1] as i32];
+        Walk {
+            start: [self.start[0].x, self.start[1].x],
+            inv: [self.inv[0].x, self.inv[1].x],
+            plane: [corner[0] as f32 + 4.0 * forward[0], corner[1] as f32 + 4.0 * forward[1]],
+            pace: [4.0 * way[0] as f32, 4.0 * way[1] as f32],
+            way,
+            z: self.z.x,
+            rise: self.rise.x,
+            fall: self.fall.x,
+            t_in: 0.0,
+            t_end: self.t_end.x,
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn starting_at(mut self, t: f32) -> Self {
+        self.t_start = Vec4::splat(t * (1.0 - 4e-6));
+        self
+    }
 }
 
 /// Where a ray is over four columns and four rows of squares: t of entry and of exit.
@@ -84,6 +154,7 @@ impl WideRay {
             dz: Vec4::splat(dz),
             fall: Vec4::splat(dz.min(0.0)),
             rise: Vec4::splat(dz.max(0.0)),
+            t_start: Vec4::ZERO,
             t_end: Vec4::splat(ray.t_end as f32 * (1.0 + SPAN_PADDING)),
             mirror: Vec4::splat(mirror as f32),
             bend: Vec4::splat((0.5 * mirror * ray.dir[0] * ray.dir[1]) as f32),
@@ -110,7 +181,7 @@ impl WideRay {
             [enter * self.inv[axis], leave * self.inv_out[axis]]
         };
         let [first, last] = both(0, LANES);
-        Slabs { columns: [first.max(Vec4::ZERO), last.min(self.t_end)], rows: both(1, self.rows) }
+        Slabs { columns: [first.max(self.t_start), last.min(self.t_end)], rows: both(1, self.rows) }
     }
 
     /// Which of 4 × 4 boxes as high as `highest` the ray may meet: bits 4·k + column, the k-th row along the ray.
