@@ -9,7 +9,7 @@ use std::hint::black_box;
 use super::HeightField;
 use super::panels::Panels;
 use super::patch::{Patch, Side};
-use super::wide_ray::WideRay;
+use super::wide_ray::{Walk, WideRay};
 
 /// Bounds of a node's 4 × 4 children, a row each: the highest heights, and those of the mirrored surface.
 ///
@@ -31,8 +31,8 @@ pub(super) struct Pyramid {
     panels: Panels,
     nodes: Vec<Node>,
     levels: Vec<LevelSpan>,
-    /// Tiles that lie wholly on the map.
-    full: [u32; 2],
+    /// Cells along u and v.
+    size: [i32; 2],
 }
 
 /// How a walk ended.
@@ -43,8 +43,6 @@ pub(super) enum Walked<R> {
     Unfinished(f32),
 }
 
-/// Tiles of a walk.
-const WALK: usize = 16;
 
 /// Levels that may wait: 16·4^12 cells are more than any map has.
 const LEVELS: usize = 13;
@@ -113,7 +111,7 @@ impl Candidate {
 
 impl Pyramid {
     pub(super) fn new(heights: &HeightField) -> Self {
-        let mut pyramid = Self { panels: Panels::new(heights), nodes: Vec::new(), levels: Vec::new(), full: heights.size().map(|n| (n / 4) as u32) };
+        let mut pyramid = Self { panels: Panels::new(heights), nodes: Vec::new(), levels: Vec::new(), size: heights.size().map(|n| n as i32) };
         let mut width = heights.size().map(|n| n.div_ceil(4));
         let mut bounds = tile_bounds(heights, width);
         while pyramid.levels.is_empty() || width != [1, 1] {
@@ -217,35 +215,21 @@ impl Pyramid {
         cell: [usize; 2],
         leaf: impl Fn(&Candidate) -> Option<R>,
     ) -> Walked<R> {
-        let span = self.levels[0];
-        let side = usize::from(ray.side() == Side::Below);
-        let [mut x, mut y] = [(cell[0] >> 2) as i32, (cell[1] >> 2) as i32];
-        let mut corner = [4 * x - cell[0] as i32, 4 * y - cell[1] as i32];
-        let mut walk = ray.tile_walk(corner);
-        for _ in 0..WALK {
-            if x as u32 >= self.full[0] || y as u32 >= self.full[1] {
-                return Walked::Unfinished(walk.t_in);
+        let first = [cell[0] as i32, cell[1] as i32];
+        let mut walk = ray.walk(first, self.size);
+        let nodes = &self.nodes[..self.levels.get(1).map_or(self.nodes.len(), |level| level.offset)];
+        while let Some(highest) = meet(nodes, self.levels[0].width, usize::from(ray.side() == Side::Below), &mut walk) {
+            let [x, y] = walk.tile;
+            let corner = [4 * x - first[0], 4 * y - first[1]];
+            let found = self.search_tile(ray, [x as u32, y as u32], corner, highest, &leaf);
+            if let Some(found) = found {
+                return Walked::Found(found);
             }
-            let step = walk.step();
-            let node = &self.nodes[span.offset + (y >> 2) as usize * span.width + (x >> 2) as usize];
-            let highest = node.0[side][(y & 3) as usize][(x & 3) as usize];
-            if walk.lowest(step.t_out) <= highest {
-                let found = self.search_tile(ray, [x as u32, y as u32], corner, highest, &leaf);
-                if let Some(found) = found {
-                    return Walked::Found(found);
-                }
+            if !walk.advance() {
+                break;
             }
-            if step.ended {
-                return Walked::Missed;
-            }
-            if step.tie {
-                return Walked::Unfinished(0.0);
-            }
-            let [du, dv] = walk.advance(&step);
-            (x, y) = (x + du, y + dv);
-            corner = [corner[0] + 4 * du, corner[1] + 4 * dv];
         }
-        Walked::Unfinished(walk.t_in)
+        if ray.ends_with(&walk) { Walked::Missed } else { Walked::Unfinished(walk.t_in) }
     }
 
     /// The children of a node that the ray may meet.
@@ -293,6 +277,27 @@ impl Pyramid {
         }
         None
     }
+}
+
+/// Walks to the next tile that the ray may meet, the one it is over included; how high that tile is.
+///
+/// A function of its own: all of it stays in registers.
+#[inline(never)]
+fn meet(nodes: &[Node], width: usize, side: usize, walk: &mut Walk) -> Option<f32> {
+    let mut here = *walk;
+    let met = loop {
+        let [x, y] = here.tile;
+        let node = &nodes[(y >> 2) as usize * width + (x >> 2) as usize];
+        let highest = node.0[side & 1][(y & 3) as usize][(x & 3) as usize];
+        if here.lowest() <= highest {
+            break Some(highest);
+        }
+        if !here.advance() {
+            break None;
+        }
+    };
+    *walk = here;
+    met
 }
 
 /// Highest height over every 4 × 4 cells, and that of the mirrored surface; `[v][u]`.

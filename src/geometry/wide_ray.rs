@@ -36,71 +36,93 @@ pub(super) struct WideRay {
     flip: [u32; 2],
 }
 
-/// A walk of a ray from square to square, in scalars.
+/// A walk of a ray from tile to tile of 4 × 4 cells, in scalars.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Walk {
-    start: [f32; 2],
-    inv: [f32; 2],
-    /// Planes where the ray leaves the square, and the way to the next, in cells from its start.
-    plane: [f32; 2],
-    pace: [f32; 2],
+    /// The tile, and the way to the next along u and v.
+    pub(super) tile: [i32; 2],
     way: [i32; 2],
-    z: f32,
-    rise: f32,
-    fall: f32,
+    /// t where the ray leaves the tile along u and v, and from there to the next plane.
+    t: [f32; 2],
+    pace: [f32; 2],
+    /// t where the ray enters the tile and where the walk ends.
     pub(super) t_in: f32,
-    t_end: f32,
+    t_stop: f32,
+    z: f32,
+    dz: [f32; 2],
 }
 
-pub(super) struct Step {
-    t: [f32; 2],
-    pub(super) t_out: f32,
-    pub(super) ended: bool,
-    pub(super) tie: bool,
-}
+/// Relative rounding of t after a walk: one of 6e-8 a tile and three for the first.
+const WALK_PADDING: f32 = 4e-6;
+/// Cells that a walk goes along either axis.
+const WALK_CELLS: f32 = 64.0;
 
 impl Walk {
+    /// t where the ray leaves the tile.
     #[inline(always)]
-    pub(super) fn step(&self) -> Step {
-        let t = [(self.plane[0] - self.start[0]) * self.inv[0], (self.plane[1] - self.start[1]) * self.inv[1]];
-        let t_out = t[0].min(t[1]);
-        Step { t, t_out, ended: t_out >= self.t_end, tie: (t[0] - t[1]).abs() <= 1e-6 * t_out }
+    fn t_out(&self) -> f32 {
+        if self.t[0] < self.t[1] { self.t[0] } else { self.t[1] }
     }
+
+    /// Lowest height of the ray over the tile.
     #[inline(always)]
-    pub(super) fn lowest(&self, t_out: f32) -> f32 {
-        self.z + (self.t_in * self.rise + t_out.min(self.t_end) * self.fall)
+    pub(super) fn lowest(&self) -> f32 {
+        let t_out = self.t_out();
+        let t_out = if t_out < self.t_stop { t_out } else { self.t_stop };
+        self.z + (self.t_in * self.dz[1] + t_out * self.dz[0])
     }
+
+    /// Goes to the next tile; `false` where the walk ends or passes a corner of tiles so near that either way is right.
     #[inline(always)]
-    pub(super) fn advance(&mut self, step: &Step) -> [i32; 2] {
-        let u = i32::from(step.t[0] < step.t[1]);
+    pub(super) fn advance(&mut self) -> bool {
+        let t_out = self.t_out();
+        if t_out >= self.t_stop || (self.t[0] - self.t[1]).abs() <= WALK_PADDING * t_out {
+            return false;
+        }
+        // Along u or along v as factors: a branch would be wrong every other time.
+        let u = i32::from(self.t[0] < self.t[1]);
         let v = 1 - u;
-        self.plane = [self.plane[0] + self.pace[0] * u as f32, self.plane[1] + self.pace[1] * v as f32];
-        self.t_in = step.t_out;
-        [self.way[0] & -u, self.way[1] & -v]
+        self.t = [self.t[0] + self.pace[0] * u as f32, self.t[1] + self.pace[1] * v as f32];
+        self.tile = [self.tile[0] + self.way[0] * u, self.tile[1] + self.way[1] * v];
+        self.t_in = t_out;
+        true
     }
 }
 
 impl WideRay {
+    /// The walk from the tile of `cell`, where the ray starts, on a map of `size` cells.
     #[inline(always)]
-    pub(super) fn tile_walk(&self, corner: [i32; 2]) -> Walk {
-        let forward = [0, 1].map(|k| 1.0 - self.near[k]);
-        let way = [1 - 2 * self.near[0] as i32, 1 - 2 * self.near[1] as i32];
+    pub(super) fn walk(&self, cell: [i32; 2], size: [i32; 2]) -> Walk {
+        let t = |axis: usize, plane: i32| (plane as f32 - self.start[axis].x) * self.inv[axis].x;
+        let forward = [0, 1].map(|axis| 1 - (self.flip[axis] & 1) as i32);
+        let far = |axis: usize| (cell[axis] >> 2 << 2) + 4 * forward[axis] - cell[axis];
+        let border = |axis: usize| size[axis] * forward[axis] - cell[axis];
+        let pace = [self.inv[0].x.abs(), self.inv[1].x.abs()];
+        let t_stop = t(0, border(0)).min(t(1, border(1))).min(WALK_CELLS * pace[0].min(pace[1]));
+        // Short of the border: there, rounding may not step off the map.
+        let t_stop = t_stop * (1.0 - WALK_PADDING);
         Walk {
-            start: [self.start[0].x, self.start[1].x],
-            inv: [self.inv[0].x, self.inv[1].x],
-            plane: [corner[0] as f32 + 4.0 * forward[0], corner[1] as f32 + 4.0 * forward[1]],
-            pace: [4.0 * way[0] as f32, 4.0 * way[1] as f32],
-            way,
-            z: self.z.x,
-            rise: self.rise.x,
-            fall: self.fall.x,
+            tile: [cell[0] >> 2, cell[1] >> 2],
+            way: forward.map(|forward| 2 * forward - 1),
+            t: [t(0, far(0)), t(1, far(1))],
+            pace: [4.0 * pace[0], 4.0 * pace[1]],
             t_in: 0.0,
-            t_end: self.t_end.x,
+            t_stop: t_stop.min(self.t_end.x),
+            z: self.z.x,
+            dz: [self.fall.x, self.rise.x],
         }
     }
 
+    /// Whether the ray ends where `walk` does.
+    #[inline(always)]
+    pub(super) fn ends_with(&self, walk: &Walk) -> bool {
+        walk.t_out() >= self.t_end.x
+    }
+
+    /// The ray from `t` on, which a walk has reached.
     #[inline(always)]
     pub(super) fn starting_at(mut self, t: f32) -> Self {
-        self.t_start = Vec4::splat(t * (1.0 - 4e-6));
+        self.t_start = Vec4::splat(t * (1.0 - WALK_PADDING));
         self
     }
 }
