@@ -3,8 +3,6 @@
 //! Four rows of a panel are one cache line, and a panel's neighbours lie beside it: a ray through a few cells stays on one
 //! or two pages, where the rows of a large map would put every row of vertices on a page of its own.
 
-use std::hint::black_box;
-
 use glam::Vec4;
 
 use super::HeightField;
@@ -66,15 +64,5 @@ impl Panels {
         };
         let ([h00, h10], [h01, h11]) = (pair(j), pair(j + 1));
         [h00, h10, h01, h11]
-    }
-
-    /// Asks for the vertices around the 4 × 4 cells of cell (i, j) at once: tests would wait for them one by one.
-    #[inline(always)]
-    pub(super) fn touch(&self, [i, j]: [usize; 2]) {
-        let x = i / PANEL[0];
-        black_box(self.row(x, j)[0]);
-        black_box(self.row(x + 1, j)[0]);
-        black_box(self.row(x, (j | 3) + 1)[0]);
-        black_box(self.row(x + 1, (j | 3) + 1)[0]);
     }
 }
