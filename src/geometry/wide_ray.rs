@@ -116,7 +116,7 @@ impl WideRay {
     /// Whether the ray ends where `walk` does.
     #[inline(always)]
     pub(super) fn ends_with(&self, walk: &Walk) -> bool {
-        walk.t_out() >= self.t_end.x
+        walk.t_stop >= self.t_end.x && walk.t_out() >= walk.t_stop
     }
 
     /// The ray from `t` on, which a walk has reached.
