@@ -119,7 +119,9 @@ fn median(mut values: Vec<f64>) -> f64 {
 fn main() {
     bounce_rays("twill", "heights/twill.png", TWILL_AMPLITUDE);
     bounce_rays("rocks", "rocks/height.png", ROCKS_AMPLITUDE);
-    if std::env::args().any(|a| a == "bounce") { return; }
+    if std::env::args().any(|a| a == "bounce") {
+        return;
+    }
     let field = fixture("heights/twill.png", TWILL_AMPLITUDE, Boundary::Repeat);
     let start = ThreadTime::now();
     let tracer = HeightTracer::new(&field);

@@ -10,6 +10,7 @@ mod panels;
 mod patch;
 mod pyramid;
 pub mod tracer;
+mod walk;
 mod wide_ray;
 
 pub use height_field::{Boundary, HeightField};

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
 use obvhs::ray::RayHit;
-use obvhs::{BvhBuildParams, Boundable};
+use obvhs::{Boundable, BvhBuildParams};
 
 /// What a path tracer asks for after a hit: where the surface was hit and where the path goes on.
 #[derive(Clone, Copy, Debug)]
