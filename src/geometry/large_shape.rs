@@ -145,8 +145,7 @@ impl LargeShape {
                 }
                 t = t_out;
             }
-            let Some(axis) = axis else { return None };
-            if !line.step(&mut cell, axis, level, t, size) {
+            if !line.step(&mut cell, axis?, level, t, size) {
                 return None;
             }
             level = (level + 1).min(top);

@@ -12,6 +12,7 @@ mod panels;
 mod patch;
 mod pyramid;
 pub mod tracer;
+mod walk;
 mod wide_ray;
 
 pub use displaced_plane::{DisplacedPlane, PlaneHit};

@@ -1,9 +1,7 @@
 //! Heights in panels of 4 × 16 vertices.
 //!
-//! Four rows of a panel are one cache line, and a panel's neighbours lie beside it: a ray through a few cells stays on one
-//! or two pages, where the rows of a large map would put every row of vertices on a page of its own.
-
-use std::hint::black_box;
+//! Four rows of a panel are one cache line, and a panel's neighbours along u lie beside it: a ray through a few cells stays on
+//! one or two pages, where the rows of a large map would put every row of vertices on a page of its own.
 
 use glam::Vec4;
 
@@ -17,7 +15,7 @@ const PANEL: [usize; 2] = [4, 16];
 #[repr(align(64))]
 struct Panel([[f32; PANEL[0]]; PANEL[1]]);
 
-/// All vertices of a field and one more row and column: the first of the next tile of the map, or the last again.
+/// All vertices of a field and one more row and column: the first of the next tile of the plane, or the last again.
 ///
 /// Beyond those, vertices are NaN: no gap over a cell that has one is below anything.
 #[derive(Clone, Debug)]
@@ -30,7 +28,7 @@ pub(super) struct Panels {
 impl Panels {
     pub(super) fn new(heights: &HeightField) -> Self {
         let [nu, nv] = heights.size();
-        // One more than the vertices of a tile of 4 × 4 cells need: rows are read together with the next ones.
+        // One panel more than the cells need: a row of cells is read together with the first vertex of the next.
         let [width, rows] = [nu.div_ceil(PANEL[0]) + 1, nv.div_ceil(PANEL[1]) + 1];
         let mut panels = vec![Panel([[f32::NAN; PANEL[0]]; PANEL[1]]); width * rows];
         for (j, i) in (0..=nv).flat_map(|j| (0..=nu).map(move |i| (j, i))) {
@@ -42,12 +40,6 @@ impl Panels {
     /// Bytes held.
     pub(super) fn bytes(&self) -> usize {
         self.panels.capacity() * size_of::<Panel>()
-    }
-
-    /// Vertices 4x to 4x + 3 of row j.
-    #[inline(always)]
-    fn row(&self, x: usize, j: usize) -> &[f32; PANEL[0]] {
-        &self.panels[j / PANEL[1] * self.width + x].0[j % PANEL[1]]
     }
 
     /// Corner heights `[h00, h10, h01, h11]` of cell (i, j).
@@ -68,13 +60,9 @@ impl Panels {
         [h00, h10, h01, h11]
     }
 
-    /// Asks for the vertices around the 4 × 4 cells of cell (i, j) at once: tests would wait for them one by one.
+    /// Vertices 4x to 4x + 3 of row j.
     #[inline(always)]
-    pub(super) fn touch(&self, [i, j]: [usize; 2]) {
-        let x = i / PANEL[0];
-        black_box(self.row(x, j)[0]);
-        black_box(self.row(x + 1, j)[0]);
-        black_box(self.row(x, (j | 3) + 1)[0]);
-        black_box(self.row(x + 1, (j | 3) + 1)[0]);
+    fn row(&self, x: usize, j: usize) -> &[f32; PANEL[0]] {
+        &self.panels[j / PANEL[1] * self.width + x].0[j % PANEL[1]]
     }
 }

@@ -1,22 +1,23 @@
-//! Height bounds over 4 × 4 squares of 4 × 4 squares of … of cells, and their search by one ray.
+//! Height bounds over 4 × 4 squares of 4 × 4 squares of … of cells, and how a ray finds the cells that it meets.
 //!
-//! A node of level l covers 16·4^l cells a side and holds the bounds of its 4 × 4 children, which are tested at once; the
-//! children of level 0 are the tiles of 4 × 4 cells. Rays that start anywhere wait for memory more than for arithmetic:
-//! a node and a tile, one cache line each, are what a short ray reads.
-
-use std::hint::black_box;
+//! A tile is 4 × 4 cells. A node of level l covers 16·4^l cells a side and holds the bounds of its 4 × 4 children, tiles
+//! for level 0. Rays that start anywhere wait for memory: a short ray reads two cache lines, the bounds of the tiles
+//! around it and the heights of its own. Tests run in `f32` and err on the side of meeting; what is hit is decided
+//! over the cells, in `f64`.
 
 use super::HeightField;
 use super::panels::Panels;
 use super::patch::{Patch, Side};
+use super::walk::Walk;
 use super::wide_ray::WideRay;
 
-/// Bounds of a node's 4 × 4 children, a row each: the highest heights, and those of the mirrored surface.
-///
-/// Children outside of the map have −∞ and are never met.
+/// How high a node's 4 × 4 children rise, `[v][u]`: −∞ for those outside of the map.
+type Bounds = [[f32; 4]; 4];
+
+/// Bounds of the surface, and of the surface mirrored at z = 0; a cache line each.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-struct Node([[[f32; 4]; 4]; 2]);
+struct Node([Bounds; 2]);
 
 /// Where a level lies within the nodes, and its nodes a row.
 #[derive(Clone, Copy, Debug)]
@@ -25,61 +26,28 @@ struct LevelSpan {
     width: usize,
 }
 
-/// Height bounds of all cells and the heights themselves.
+/// Height bounds of all cells, and the heights themselves.
 #[derive(Clone, Debug)]
 pub(super) struct Pyramid {
     panels: Panels,
+    /// Level 0 first.
     nodes: Vec<Node>,
     levels: Vec<LevelSpan>,
+    /// Cells along u and v.
+    size: [i32; 2],
 }
 
-/// Levels that may wait: 16·4^12 cells are more than any map has.
-const LEVELS: usize = 13;
 /// log2 of the cells that a node of level 0 covers along each axis.
 const NODE_BITS: u32 = 4;
+/// Levels that may wait: 16·4^12 cells are more than any map has.
+const LEVELS: usize = 13;
 
-/// log2 of the cells that a node covers along each axis.
-#[inline(always)]
-pub(super) fn cell_bits(level: u32) -> u32 {
-    NODE_BITS + 2 * level
-}
-
-/// A block to search: a node, and where cell (0, 0) of its tile lies from the cell that the ray starts in.
+/// A block to search: a node, and where cell (0, 0) of its tile of the plane lies from the cell that the ray starts in.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Block {
-    pub(super) level: u32,
-    pub(super) node: [u32; 2],
-    pub(super) tile: [i32; 2],
-}
-
-impl Block {
-    /// The block of `level` with `cell`, for a ray that starts in that cell.
-    #[inline(always)]
-    pub(super) fn new(level: u32, cell: [usize; 2]) -> Self {
-        let [i, j] = [cell[0] as i32, cell[1] as i32];
-        Self { level, node: [i as u32 >> cell_bits(level), j as u32 >> cell_bits(level)], tile: [-i, -j] }
-    }
-
-    /// The side that a ray leaves through along `axis`, in cells from its first; the map is `size` cells wide.
-    #[inline(always)]
-    pub(super) fn far_side(&self, axis: usize, forward: bool, size: i32) -> i32 {
-        let near = (self.node[axis] << cell_bits(self.level)) as i32;
-        (near + (i32::from(forward) << cell_bits(self.level))).min(size) + self.tile[axis]
-    }
-
-    /// Goes to the next block along `axis`; whether that is one of the next tile of the map.
-    #[inline(always)]
-    pub(super) fn step(&mut self, axis: usize, forward: bool, size: i32) -> bool {
-        let last = (size - 1) as u32 >> cell_bits(self.level);
-        let (end, first, period) = if forward { (last, 0, size) } else { (0, last, -size) };
-        let wraps = self.node[axis] == end;
-        if wraps {
-            (self.node[axis], self.tile[axis]) = (first, self.tile[axis] + period);
-        } else {
-            self.node[axis] = if forward { self.node[axis] + 1 } else { self.node[axis] - 1 };
-        }
-        wraps
-    }
+    level: u32,
+    node: [u32; 2],
+    origin: [i32; 2],
 }
 
 /// A cell that the ray may meet: of the map, and counted from where the ray starts.
@@ -90,17 +58,20 @@ pub(super) struct Candidate {
     corners: [f32; 4],
 }
 
-impl Candidate {
-    /// The bilinear patch, from where the ray starts.
-    #[inline(always)]
-    pub(super) fn patch(&self) -> Patch {
-        Patch { corners: self.corners.map(f64::from), cell: self.at.map(f64::from) }
-    }
+/// How a walk ended.
+pub(super) enum Walked<R> {
+    /// With what the leaf gave.
+    Found(R),
+    /// At the end of the ray.
+    Missed,
+    /// The ray goes on; nothing is met before t.
+    Unfinished(f32),
 }
 
 impl Pyramid {
     pub(super) fn new(heights: &HeightField) -> Self {
-        let mut pyramid = Self { panels: Panels::new(heights), nodes: Vec::new(), levels: Vec::new() };
+        let size = heights.size().map(|n| n as i32);
+        let mut pyramid = Self { panels: Panels::new(heights), nodes: Vec::new(), levels: Vec::new(), size };
         let mut width = heights.size().map(|n| n.div_ceil(4));
         let mut bounds = tile_bounds(heights, width);
         while pyramid.levels.is_empty() || width != [1, 1] {
@@ -119,8 +90,8 @@ impl Pyramid {
             let mut node = Node([[[f32::NEG_INFINITY; 4]; 4]; 2]);
             for (j, i) in (0..4).flat_map(|j| (0..4).map(move |i| (j, i))) {
                 if 4 * x + i < width[0] && 4 * y + j < width[1] {
-                    let both = bounds[(4 * y + j) * width[0] + 4 * x + i];
-                    (node.0[0][j][i], node.0[1][j][i]) = (both[0], both[1]);
+                    let [surface, mirrored] = bounds[(4 * y + j) * width[0] + 4 * x + i];
+                    (node.0[0][j][i], node.0[1][j][i]) = (surface, mirrored);
                 }
             }
             own.push(node.0.map(|rows| rows.into_iter().flatten().fold(f32::NEG_INFINITY, f32::max)));
@@ -150,65 +121,72 @@ impl Pyramid {
         self.panels.corners(cell)
     }
 
-    /// Asks for what a ray from `cell` reads first at once; the search would wait for it piece by piece.
+    /// The first `Some` that `leaf` gives for the cells that the ray may meet over the first tiles from `cell`.
     #[inline(always)]
-    pub(super) fn touch(&self, cell: [usize; 2]) {
-        black_box(self.node(0, [cell[0] as u32 >> NODE_BITS, cell[1] as u32 >> NODE_BITS]).0[0][0][0]);
-        self.panels.touch(cell);
-    }
-
-    #[inline(always)]
-    fn node(&self, level: u32, [x, y]: [u32; 2]) -> &Node {
-        let span = self.levels[level as usize];
-        &self.nodes[span.offset + y as usize * span.width + x as usize]
+    pub(super) fn walk<R>(&self, ray: &WideRay, cell: [usize; 2], leaf: impl Fn(&Candidate) -> Option<R>) -> Walked<R> {
+        let cell = cell.map(|x| x as i32);
+        let mut walk = Walk::new(ray, cell, self.size);
+        let (nodes, width, face) = (&self.nodes[..], self.levels[0].width, ray.side().index());
+        while let Some(highest) = meet(nodes, width, face, &mut walk) {
+            let tile = walk.tile();
+            let corner = [4 * tile[0] - cell[0], 4 * tile[1] - cell[1]];
+            if let Some(found) = self.search_tile(ray, tile.map(|x| x as u32), corner, highest, &leaf) {
+                return Walked::Found(found);
+            }
+            if !walk.advance() {
+                break;
+            }
+        }
+        walk.rest(ray).map_or(Walked::Missed, Walked::Unfinished)
     }
 
     /// The first `Some` that `leaf` gives for the cells under `block` that the ray may meet, front to back.
     #[inline(always)]
     pub(super) fn search<R>(&self, ray: &WideRay, block: Block, leaf: impl Fn(&Candidate) -> Option<R>) -> Option<R> {
         let mut waiting = [0u32; LEVELS];
-        let Block { mut level, node: [mut x, mut y], tile } = block;
-        let place = |x: u32, y: u32, bits: u32| [(x << bits) as i32 + tile[0], (y << bits) as i32 + tile[1]];
-        let mut met = self.children(ray, level, [x, y], place(x, y, cell_bits(level)));
+        let (mut level, mut node) = (block.level, block.node);
+        let mut met = self.children(ray, block, level, node);
         loop {
             if met == 0 {
                 if level == block.level {
                     return None;
                 }
-                (level, x, y) = (level + 1, x >> 2, y >> 2);
+                (level, node) = (level + 1, node.map(|x| x >> 2));
                 met = waiting[level as usize];
                 continue;
             }
-            let [column, row] = ray.square(met.trailing_zeros());
-            met &= met - 1;
-            let child = [4 * x + column, 4 * y + row];
+            let (square, rest) = ray.first_square(met);
+            let child = [4 * node[0] + square[0], 4 * node[1] + square[1]];
+            met = rest;
             if level > 0 {
                 waiting[level as usize] = met;
-                (level, [x, y]) = (level - 1, child);
-                met = self.children(ray, level, child, place(x, y, cell_bits(level)));
+                (level, node) = (level - 1, child);
+                met = self.children(ray, block, level, child);
                 continue;
             }
-            let highest = self.bounds(ray, 0, [x, y])[row as usize][column as usize];
-            let found = self.search_tile(ray, child, place(child[0], child[1], 2), highest, &leaf);
+            let highest = self.bounds(ray.side(), 0, node)[square[1] as usize][square[0] as usize];
+            let found = self.search_tile(ray, child, block.place(child, 2), highest, &leaf);
             if found.is_some() {
                 return found;
             }
         }
     }
 
-    /// The children of a node that the ray may meet.
+    /// The children of a node under `block` that the ray may meet.
     #[inline(always)]
-    fn children(&self, ray: &WideRay, level: u32, node: [u32; 2], corner: [i32; 2]) -> u32 {
-        let slabs = ray.slabs(corner, (1u32 << (cell_bits(level) - 2)) as f32);
-        ray.meets(&slabs, self.bounds(ray, level, node))
+    fn children(&self, ray: &WideRay, block: Block, level: u32, node: [u32; 2]) -> u32 {
+        let bits = cell_bits(level);
+        let slabs = ray.slabs(block.place(node, bits), (1u32 << (bits - 2)) as f32);
+        ray.meets(&slabs, self.bounds(ray.side(), level, node))
     }
 
-    /// How high the children of a node rise against the ray.
     #[inline(always)]
-    fn bounds(&self, ray: &WideRay, level: u32, node: [u32; 2]) -> &[[f32; 4]; 4] {
-        &self.node(level, node).0[usize::from(ray.side() == Side::Below)]
+    fn bounds(&self, side: Side, level: u32, [x, y]: [u32; 2]) -> &Bounds {
+        let span = self.levels[level as usize];
+        &self.nodes[span.offset + y as usize * span.width + x as usize].0[side.index()]
     }
 
+    /// The first `Some` that `leaf` gives for the cells of a tile, whose first cell is at `corner` from the ray's start.
     #[inline(always)]
     fn search_tile<R>(
         &self,
@@ -221,19 +199,21 @@ impl Pyramid {
         let slabs = ray.slabs(corner, 1.0);
         let mut rows = ray.meets_rows(&slabs, highest);
         while rows != 0 {
-            let k = rows.trailing_zeros() & 3;
+            let k = rows.trailing_zeros();
             rows &= rows - 1;
             let row = ray.row(k);
-            let at = [corner[0], corner[1] + row as i32];
-            let rows_of_corners = self.panels.row_corners(tile[0] as usize, (4 * tile[1] + row) as usize);
-            let mut columns = ray.dips(&slabs, k as usize, at, rows_of_corners);
+            let (j, first) = (4 * tile[1] + row, [corner[0], corner[1] + row as i32]);
+            let corners = self.panels.row_corners(tile[0] as usize, j as usize);
+            let mut columns = ray.dips(&slabs, k, first, corners);
             while columns != 0 {
                 let column = ray.first_column(columns);
                 columns ^= 1 << column;
-                let cell = [4 * tile[0] + column, 4 * tile[1] + row];
-                let at = [at[0] + column as i32, at[1]];
-                let corners = rows_of_corners.map(|h| h.to_array()[column as usize & 3]);
-                let found = leaf(&Candidate { cell, at, corners });
+                let candidate = Candidate {
+                    cell: [4 * tile[0] + column, j],
+                    at: [first[0] + column as i32, first[1]],
+                    corners: corners.map(|h| h.to_array()[(column & 3) as usize]),
+                };
+                let found = leaf(&candidate);
                 if found.is_some() {
                     return found;
                 }
@@ -243,7 +223,76 @@ impl Pyramid {
     }
 }
 
-/// Highest height over every 4 × 4 cells, and that of the mirrored surface; `[v][u]`.
+impl Block {
+    /// The block of `level` with `cell`, for a ray that starts in that cell.
+    pub(super) fn new(level: u32, cell: [usize; 2]) -> Self {
+        Self { level, node: cell.map(|x| x as u32 >> cell_bits(level)), origin: cell.map(|x| -(x as i32)) }
+    }
+
+    /// First cell of square (x, y) of 2^`bits` cells a side, counted from where the ray starts.
+    #[inline(always)]
+    fn place(&self, [x, y]: [u32; 2], bits: u32) -> [i32; 2] {
+        [(x << bits) as i32 + self.origin[0], (y << bits) as i32 + self.origin[1]]
+    }
+
+    /// The side that a ray leaves through along `axis`, in cells from its start; the map is `size` cells wide.
+    pub(super) fn far_side(&self, axis: usize, forward: i32, size: i32) -> i32 {
+        let bits = cell_bits(self.level);
+        let near = (self.node[axis] << bits) as i32;
+        (near + (forward << bits)).min(size) + self.origin[axis]
+    }
+
+    /// Goes to the next block along `axis`; whether that is one of the next tile of the plane.
+    pub(super) fn step(&mut self, axis: usize, forward: i32, size: i32) -> bool {
+        let last = (size - 1) as u32 >> cell_bits(self.level);
+        let (end, first, period) = if forward == 1 { (last, 0, size) } else { (0, last, -size) };
+        let wraps = self.node[axis] == end;
+        if wraps {
+            (self.node[axis], self.origin[axis]) = (first, self.origin[axis] + period);
+        } else {
+            self.node[axis] = if forward == 1 { self.node[axis] + 1 } else { self.node[axis] - 1 };
+        }
+        wraps
+    }
+}
+
+impl Candidate {
+    /// The bilinear patch, from where the ray starts.
+    #[inline(always)]
+    pub(super) fn patch(&self) -> Patch {
+        Patch { corners: self.corners.map(f64::from), cell: self.at.map(f64::from) }
+    }
+}
+
+/// log2 of the cells that a node covers along each axis.
+#[inline(always)]
+fn cell_bits(level: u32) -> u32 {
+    NODE_BITS + 2 * level
+}
+
+/// Walks to the next tile that the ray may meet, the one it is over included: how high that tile is.
+///
+/// `nodes` are level 0 first, `width` of them a row; `face` is the side's. Not inlined: there is nothing here but the walk
+/// itself, and all of it stays in registers.
+#[inline(never)]
+fn meet(nodes: &[Node], width: usize, face: usize, walk: &mut Walk) -> Option<f32> {
+    let mut here = *walk;
+    let met = loop {
+        let [x, y] = here.tile();
+        let bounds = &nodes[(y >> 2) as usize * width + (x >> 2) as usize].0[face & 1];
+        let highest = bounds[(y & 3) as usize][(x & 3) as usize];
+        if here.lowest() <= highest {
+            break Some(highest);
+        }
+        if !here.advance() {
+            break None;
+        }
+    };
+    *walk = here;
+    met
+}
+
+/// How high every tile rises, and how high the mirrored surface does; `[v][u]`.
 fn tile_bounds(heights: &HeightField, [columns, rows]: [usize; 2]) -> Vec<[f32; 2]> {
     let size = heights.size();
     let bounds = |k: usize| {

@@ -31,6 +31,7 @@ pub enum Shading<'a> {
 
 /// The BRDF at one hit, for one viewer.
 #[derive(Debug)]
+#[allow(clippy::large_enum_variant, reason = "lives on the stack of one hit; a box would cost an allocation a hit")]
 pub(super) enum BoundShading<'a> {
     Base { brdf: Brdf, normal: Vec3, wo: Vec3 },
     Prefiltered(BoundBrdf<'a>),
