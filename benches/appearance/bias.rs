@@ -10,10 +10,10 @@ use glam::Vec3;
 use super::subjects::{GGX_01, GGX_03, Subject, area_light, halves, parallel};
 
 const TILES: [u32; 2] = [100, 100];
-const PIXELS: usize = 48;
-const SAMPLES: u32 = 512;
-/// Source texels a pixel: two cells of the coarser level, and all of the tiles in an image of 512².
-const DISTANCES: [f64; 2] = [32.0, 200.0];
+const PIXELS: usize = 32;
+const SAMPLES: u32 = 128;
+/// Source texels a pixel: all of the tiles in an image of 512².
+const DISTANCES: [f64; 1] = [200.0];
 
 fn lights(width: f64) -> [(&'static str, Lights); 3] {
     let sky = |k: usize| {
