@@ -10,6 +10,7 @@ use cpu_time::ThreadTime;
 use farfield::geometry::{Boundary, HeightField, HeightTracer, Ray, SurfacePoint};
 use farfield::math::rng::Stream;
 use glam::{DVec3, Vec3};
+use obvhs::BvhBuildParams;
 use reference::{Bounce, CellBvh, bounces, fixture};
 
 /// Amplitude of `fixtures/heights/twill.png` in texels.
@@ -69,17 +70,14 @@ fn marched(high: f32, tracer: &HeightTracer, point: SurfacePoint, direction: Vec
     false
 }
 
-/// A way to trace all rays: how many hit.
-type Way<'a> = dyn Fn(&[Bounce]) -> usize + 'a;
-
 /// Prints bounce rays a second on one map by the tracer and by the reference, batch by batch in turn.
 fn bounce_rays(name: &str, path: &str, amplitude: f32) {
     let [tiled, single] = [Boundary::Repeat, Boundary::Clamp].map(|boundary| fixture(path, amplitude, boundary));
     let [tiled_tracer, single_tracer] = [&tiled, &single].map(HeightTracer::new);
-    let bvh = CellBvh::new(&single);
+    let bvh = CellBvh::new(&single, BvhBuildParams::slow_build());
     let rays = bounces(&tiled_tracer, BATCHES * BATCH_RAYS, Stream::new(7, 0));
     let texels = (tiled.size()[0] * tiled.size()[1]) as f64;
-    let ways: [(&str, f64, &Way<'_>); 3] = [
+    let ways: [(&str, f64, &dyn Fn(&[Bounce]) -> usize); 3] = [
         ("tiled", tiled_tracer.bytes() as f64 + 4.0 * texels, &|rays| {
             rays.iter().filter(|ray| tiled_tracer.intersect_from(ray.point, ray.direction).is_some()).count()
         }),
@@ -92,8 +90,11 @@ fn bounce_rays(name: &str, path: &str, amplitude: f32) {
     ];
     let mut seconds = [const { Vec::new() }; 3];
     let mut found = [0; 3];
-    for batch in rays.chunks(BATCH_RAYS) {
+    for (number, batch) in rays.chunks(BATCH_RAYS).enumerate() {
         for (k, (_, _, trace)) in ways.iter().enumerate() {
+            // Other rays first: the way before has left the caches full of its own nodes.
+            let other = (number + 1) % BATCHES * BATCH_RAYS;
+            std::hint::black_box(trace(&rays[other..other + BATCH_RAYS]));
             let start = ThreadTime::now();
             found[k] += trace(batch);
             seconds[k].push(start.elapsed().as_secs_f64());

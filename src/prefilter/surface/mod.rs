@@ -199,7 +199,7 @@ pub fn cell_colors(color: &[[f32; 3]], size: [usize; 2], cells: [usize; 2]) -> V
 }
 
 /// Texels that cell `at` of `cells` covers along an axis of `texels`, and the overlap of each.
-pub(super) fn overlaps(at: usize, cells: usize, texels: usize) -> Vec<(usize, f64)> {
+fn overlaps(at: usize, cells: usize, texels: usize) -> Vec<(usize, f64)> {
     let bound = |k: usize| k as f64 * texels as f64 / cells as f64;
     let (start, end) = (bound(at), bound(at + 1));
     (start.floor() as usize..(end.ceil() as usize).min(texels))
