@@ -70,6 +70,9 @@ fn marched(high: f32, tracer: &HeightTracer, point: SurfacePoint, direction: Vec
     false
 }
 
+/// A way to trace all rays: how many hit.
+type Way<'a> = dyn Fn(&[Bounce]) -> usize + 'a;
+
 /// Prints bounce rays a second on one map by the tracer and by the reference, batch by batch in turn.
 fn bounce_rays(name: &str, path: &str, amplitude: f32) {
     let [tiled, single] = [Boundary::Repeat, Boundary::Clamp].map(|boundary| fixture(path, amplitude, boundary));
@@ -77,7 +80,7 @@ fn bounce_rays(name: &str, path: &str, amplitude: f32) {
     let bvh = CellBvh::new(&single, BvhBuildParams::slow_build());
     let rays = bounces(&tiled_tracer, BATCHES * BATCH_RAYS, Stream::new(7, 0));
     let texels = (tiled.size()[0] * tiled.size()[1]) as f64;
-    let ways: [(&str, f64, &dyn Fn(&[Bounce]) -> usize); 3] = [
+    let ways: [(&str, f64, &Way<'_>); 3] = [
         ("tiled", tiled_tracer.bytes() as f64 + 4.0 * texels, &|rays| {
             rays.iter().filter(|ray| tiled_tracer.intersect_from(ray.point, ray.direction).is_some()).count()
         }),

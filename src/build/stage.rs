@@ -12,7 +12,7 @@ use crate::geometry::{Boundary, HeightField, LargeShape};
 use crate::io::environment::decode_environment;
 use crate::io::heights::decode_heights;
 use crate::io::{Error, SourceFile};
-use crate::prefilter::surface::downsample::coarse_cells;
+use crate::prefilter::surface::coarse_cells;
 use crate::transport::camera::{self, Camera};
 use crate::transport::light::{AreaLight, ConstantLight, DirectionalLight, ImageLight, Light, Lights};
 use crate::transport::scene::Scene;

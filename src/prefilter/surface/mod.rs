@@ -10,6 +10,8 @@ pub mod published;
 pub mod reflectance;
 pub mod visibility;
 
+pub use downsample::coarse_cells;
+
 use crate::geometry::{Boundary, HeightField};
 use crate::material::{Brdf, ggx_gaussians};
 use coarse::{CoarseSurface, coarse_reflectance};
