@@ -204,7 +204,7 @@ class Conductor:
     name = "conductor"
 
     def __init__(self, separable=False):
-        self.normals = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, ROUGHNESS, False)
+        self.normals = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, ROUGHNESS, sample_visible=True)
         self.separable = separable
 
     def reflect(self, wi, wo):
@@ -219,9 +219,10 @@ class Conductor:
         return dr.select((wi.z > 0) & (wo.z > 0), value, 0)
 
     def bounce(self, wo, random):
-        """As for `Diffuse`, by the cosine."""
-        wi = mi.warp.square_to_cosine_hemisphere(mi.Point2f(random(dr.width(wo)), random(dr.width(wo))))
-        return wi, self.reflect(wi, wo) / mi.warp.square_to_cosine_hemisphere_pdf(wi)
+        """As for `Diffuse`, by Mitsuba's visible normals; a direction below the horizon has weight 0."""
+        half, pdf = self.normals.sample(wo, mi.Point2f(random(dr.width(wo)), random(dr.width(wo))))
+        wi = mi.reflect(wo, half)
+        return wi, self.reflect(wi, wo) * 4 * dr.dot(wo, half) / pdf
 
 
 def smith_lambda(w):
