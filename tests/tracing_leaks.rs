@@ -114,7 +114,7 @@ fn a_million_rays_cannot_pass_a_tiled_map() {
 }
 
 #[test]
-#[ignore = "a minute"]
+#[ignore = "15 seconds"]
 fn ten_million_rays_cannot_pass_a_tiled_map() {
     expect_no_leak("twill", &twill(Boundary::Repeat), 8_000_000, 33);
     expect_no_leak("7 × 5", &odd(), 2_000_000, 34);
@@ -129,7 +129,7 @@ fn a_flat_map_is_hit_at_its_height() {
             let mut ray = ray(Stream::new(41, 0), k, &map, k / 8 % 2 == 0);
             ray.origin -= ray.direction.as_dvec3() * 7.0;
             let t = (f64::from(height) - ray.origin.z) / f64::from(ray.direction.z);
-            let hit = tracer.intersect(&ray).expect("a plane is hit");
+            let hit = tracer.intersect(&ray).unwrap_or_else(|| panic!("ray {k} passes the plane at {height}: {ray:?}"));
             // The slab is wider than the plane by a few tolerances, 1e-14 of the height, over a cosine of at least 0.03.
             let rounding = 1e-12 * (t + f64::from(height).abs());
             assert!((hit.t - t).abs() <= rounding, "ray {k}: {} is {t}", hit.t);
@@ -234,6 +234,9 @@ fn a_dome_does_not_shadow_itself() {
         let view = Vec3::new(3e-4, -2e-4, -1.0).normalize();
         let origin = DVec3::new(64.0 * a, -64.0 * b, 0.0) - view.as_dvec3() * 10.0;
         let Some(hit) = tracer.intersect(&Ray { origin, direction: view }) else { continue };
+        if hit.point.cell.contains(&64) {
+            continue;
+        }
         let normal = hit.normal;
         let (tangent, bitangent) = normal.any_orthonormal_pair();
         let (sin, cos) = (rng.uniform(4 * k + 1) * std::f32::consts::TAU).sin_cos();
