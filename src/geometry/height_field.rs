@@ -87,7 +87,12 @@ impl HeightField {
     /// The normal there is normalise(−∂h/∂x, −∂h/∂y, 1).
     #[inline]
     pub fn slope(&self, i: usize, j: usize, s: f32, t: f32) -> [f32; 2] {
-        let [h00, h10, h01, h11] = self.corners(i, j);
+        self.corner_slope(self.corners(i, j), [s, t])
+    }
+
+    /// The same from the corner heights of a cell.
+    #[inline]
+    pub(super) fn corner_slope(&self, [h00, h10, h01, h11]: [f32; 4], [s, t]: [f32; 2]) -> [f32; 2] {
         let du = (h10 - h00) * (1.0 - t) + (h11 - h01) * t;
         let dv = (h01 - h00) * (1.0 - s) + (h11 - h10) * s;
         [du / self.spacing[0], -dv / self.spacing[1]]

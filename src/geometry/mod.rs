@@ -6,9 +6,12 @@
 //! first [`Hit`].
 
 mod height_field;
+mod panels;
 mod patch;
-mod quadtree;
+mod pyramid;
 pub mod tracer;
+mod walk;
+mod wide_ray;
 
 pub use height_field::{Boundary, HeightField};
 pub use tracer::{HeightTracer, Hit, Ray, SurfacePoint};

@@ -65,6 +65,14 @@ pub(super) enum Side {
     Below,
 }
 
+impl Side {
+    /// 0 above and 1 below.
+    #[inline(always)]
+    pub(super) fn index(self) -> usize {
+        usize::from(self == Side::Below)
+    }
+}
+
 /// One bilinear cell: corner heights `[h00, h10, h01, h11]` and where it lies from the ray's first cell.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {

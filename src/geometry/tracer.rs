@@ -1,13 +1,15 @@
-//! Exact rays against a bilinear height field: a min/max quadtree over its cells.
+//! Exact rays against a bilinear height field: a pyramid of height bounds over its cells.
 //!
-//! A ray walks over blocks of the quadtree, each about as large as what is left of the ray, and searches each from
-//! front to back. `Repeat` tiles the plane without end: a ray is followed relative to the cell that it starts in, so its
-//! precision does not depend on where in the plane that is, and it ends where it leaves the range of heights.
+//! A ray walks from tile to tile of 4 × 4 cells. One that is not done after a few tiles goes on over blocks of the pyramid,
+//! each a quarter as large as the ray is long or larger, and searches each from front to back. `Repeat` tiles the plane without end: a
+//! ray is followed relative to the cell that it starts in, so its precision does not depend on where in the plane that is,
+//! and it ends where it leaves the range of heights.
 
 use glam::{DVec3, Vec3};
 
 use super::patch::{CellRay, Patch, Side};
-use super::quadtree::{Block, Candidate, Quadtree};
+use super::pyramid::{Block, Candidate, Pyramid, Walked};
+use super::wide_ray::{Magnitude, WideRay};
 use super::{Boundary, HeightField};
 
 /// A point on the surface: a cell and the fraction (s, t) ∈ [0, 1]² of it along u and v.
@@ -45,12 +47,16 @@ pub struct Hit {
 #[derive(Clone, Debug)]
 pub struct HeightTracer<'a> {
     heights: &'a HeightField,
-    tree: Quadtree<'a>,
+    pyramid: Pyramid,
+    magnitude: Magnitude,
     /// Lowest and highest vertex with a margin of a few `tolerance`, metres: outside of it there is no surface.
     slab: [f64; 2],
     /// Metres by which a ray may dip below the surface without being stopped: what rounding in `f64` makes of 0.
     tolerance: f64,
 }
+
+/// Where a ray crosses the surface: t and the cell.
+type Crossing = (f64, Candidate);
 
 /// Where a ray comes over the map and into the range of heights.
 struct Entry {
@@ -75,21 +81,22 @@ const REACH_CELLS: [f64; 2] = [65_536.0, 4_194_304.0];
 const REACH_PERIODS_ALONG_AXIS: f64 = 2.0;
 /// [`HeightTracer::tolerance`] in units of the height range and of the largest height.
 const TOLERANCE: [f64; 2] = [1e-12, 1e-14];
+/// Least tolerance in metres: a flat map at height 0 has no other, and a slab without thickness is never crossed.
+const LEAST_TOLERANCE: f64 = 1e-300;
 /// Margin of the slab of heights in tolerances: a ray that leaves it has crossed by more than the tolerance.
 const SLAB_MARGIN: f64 = 4.0;
-/// Finest level to start at: below it, walking from block to block costs more than testing the nodes.
-const FINEST_BLOCK: u32 = 2;
 
 impl<'a> HeightTracer<'a> {
-    /// Builds the quadtree: 1.4 bytes a texel beside the heights, which stay borrowed.
+    /// Builds the pyramid: 4.6 bytes a texel beside the heights, which stay borrowed.
     pub fn new(heights: &'a HeightField) -> Self {
         let range = heights.range();
         debug_assert!(range.iter().all(|h| h.is_finite()), "heights are finite");
-        let tree = Quadtree::new(heights, range);
         let [low, high] = range.map(f64::from);
         let tolerance = TOLERANCE[0] * (high - low) + TOLERANCE[1] * low.abs().max(high.abs());
+        let tolerance = tolerance.max(LEAST_TOLERANCE);
         let slab = [low - SLAB_MARGIN * tolerance, high + SLAB_MARGIN * tolerance];
-        Self { heights, tree, slab, tolerance }
+        let magnitude = Magnitude { height: low.abs().max(high.abs()), step: largest_step(heights) };
+        Self { heights, pyramid: Pyramid::new(heights), magnitude, slab, tolerance }
     }
 
     /// The height field that is traced.
@@ -99,25 +106,30 @@ impl<'a> HeightTracer<'a> {
 
     /// Bytes that the tracer holds beside the heights.
     pub fn bytes(&self) -> usize {
-        self.tree.bytes()
+        self.pyramid.bytes()
     }
 
     /// Unit normal of the bilinear surface at `point`.
     pub fn normal(&self, point: SurfacePoint) -> Vec3 {
-        let ([i, j], [s, t]) = (point.cell, point.st);
-        let [x, y] = self.heights.slope(i, j, s, t);
-        Vec3::new(-x, -y, 1.0).normalize()
+        self.slant(&self.patch(point.cell), point.st)
     }
 
     /// Position of `point` in the first tile, metres.
     pub fn position(&self, point: SurfacePoint) -> DVec3 {
-        self.place(point.cell.map(|x| x as f64), point)
+        self.place(&self.patch(point.cell), point.cell.map(|x| x as f64), point.st)
     }
 
-    fn place(&self, cell: [f64; 2], point: SurfacePoint) -> DVec3 {
+    /// Position at the fraction `st` of a patch that is `cell` of the plane.
+    fn place(&self, patch: &Patch, cell: [f64; 2], st: [f32; 2]) -> DVec3 {
         let [dx, dy] = self.heights.spacing().map(f64::from);
-        let [s, t] = point.st.map(f64::from);
-        DVec3::new((cell[0] + s) * dx, -(cell[1] + t) * dy, self.patch(point.cell).height([s, t]))
+        let [s, t] = st.map(f64::from);
+        DVec3::new((cell[0] + s) * dx, -(cell[1] + t) * dy, patch.height([s, t]))
+    }
+
+    /// Unit normal at the fraction `st` of a patch.
+    fn slant(&self, patch: &Patch, st: [f32; 2]) -> Vec3 {
+        let [x, y] = self.heights.corner_slope(patch.corners.map(|h| h as f32), st);
+        Vec3::new(-x, -y, 1.0).normalize()
     }
 
     /// Whether the surface hides `direction` from the front of `point`; directions behind the tangent plane are hidden.
@@ -130,14 +142,13 @@ impl<'a> HeightTracer<'a> {
 
     /// The same for the first `t_max` of the half-line, in units of `direction`.
     pub fn occluded_within(&self, point: SurfacePoint, direction: Vec3, t_max: f64) -> bool {
-        self.tree.touch(point.cell);
-        let ray = self.leaving(point, direction, t_max);
         let first = self.patch(point.cell);
+        let ray = self.leaving(&first, point, direction, t_max);
         if !matches!(first.departure(&ray), (Side::Above, None)) {
             return true;
         }
-        let stops = |cell: &Candidate| (cell.at != [0, 0] && cell.patch.stops(&ray, self.tolerance)).then_some(());
-        self.walk(&ray, point.cell, || Some(()), stops).is_some()
+        let stops = |cell: &Candidate| (cell.at != [0, 0] && cell.patch().stops(&ray, self.tolerance)).then_some(());
+        self.search(&ray, Side::Above, point.cell, stops).is_some()
     }
 
     /// The first crossing of the surface by `ray`, from either side.
@@ -148,9 +159,7 @@ impl<'a> HeightTracer<'a> {
     /// The same for the first `t_max` of `ray`, in units of its direction.
     pub fn intersect_within(&self, ray: &Ray, t_max: f64) -> Option<Hit> {
         let Entry { cell, plane, ray: local, side, t: t_start } = self.entering(ray, t_max)?;
-        self.tree.touch(cell);
-        let hit = |cell: &Candidate| cell.patch.crossing(&local, side, self.tolerance).map(|t| (t, *cell));
-        let found = self.walk(&local, cell, || None, hit)?;
+        let found = self.search(&local, side, cell, |cell| self.crossing(cell, &local, side))?;
         Some(self.hit(&local, plane, t_start, found))
     }
 
@@ -161,29 +170,38 @@ impl<'a> HeightTracer<'a> {
 
     /// The same for the first `t_max` of the half-line, in units of `direction`.
     pub fn intersect_from_within(&self, point: SurfacePoint, direction: Vec3, t_max: f64) -> Option<Hit> {
-        self.tree.touch(point.cell);
-        let ray = self.leaving(point, direction, t_max);
-        let (side, crossing) = self.patch(point.cell).departure(&ray);
+        let first = self.patch(point.cell);
+        let ray = self.leaving(&first, point, direction, t_max);
+        let (side, crossing) = first.departure(&ray);
+        let plane = point.cell.map(|x| x as f64);
         let hit = |cell: &Candidate| {
             let own = cell.at == [0, 0];
-            let t = if own { crossing } else { cell.patch.crossing(&ray, side, self.tolerance) };
+            let t = if own { crossing } else { cell.patch().crossing(&ray, side, self.tolerance) };
             t.map(|t| (t, *cell))
         };
-        let found = self.walk(&ray, point.cell, || None, hit)?;
-        Some(self.hit(&ray, point.cell.map(|x| x as f64), 0.0, found))
+        let found = self.search(&ray, side, point.cell, hit)?;
+        Some(self.hit(&ray, plane, 0.0, found))
     }
 
-    fn hit(&self, ray: &CellRay, first: [f64; 2], t_start: f64, (t, found): (f64, Candidate)) -> Hit {
-        let at = found.at;
-        let st = [0, 1].map(|k| (ray.start[k] - f64::from(at[k]) + ray.dir[k] * t).clamp(0.0, 1.0) as f32);
-        let point = SurfacePoint { cell: found.cell.map(|x| x as usize), st };
-        let cell = [0, 1].map(|k| first[k] + f64::from(at[k]));
-        Hit { t: t_start + t, point, position: self.place(cell, point), normal: self.normal(point) }
+    /// Where the ray leaves its side of the surface over a cell.
+    #[inline(always)]
+    fn crossing(&self, cell: &Candidate, ray: &CellRay, side: Side) -> Option<Crossing> {
+        let patch = cell.patch();
+        patch.crossing(ray, side, self.tolerance).map(|t| (t, *cell))
+    }
+
+    /// The hit of a crossing; the ray's first cell is `first` of the plane, and the ray has gone `t_start` before.
+    fn hit(&self, ray: &CellRay, first: [f64; 2], t_start: f64, (t, found): Crossing) -> Hit {
+        let (cell, patch) = (found.cell.map(|x| x as usize), found.patch());
+        let st = [0, 1].map(|k| (ray.start[k] - patch.cell[k] + ray.dir[k] * t).clamp(0.0, 1.0) as f32);
+        let position = self.place(&patch, [first[0] + patch.cell[0], first[1] + patch.cell[1]], st);
+        Hit { t: t_start + t, point: SurfacePoint { cell, st }, position, normal: self.slant(&patch, st) }
     }
 
     /// The patch of `cell` for a ray that starts in it.
+    #[inline(always)]
     fn patch(&self, cell: [usize; 2]) -> Patch {
-        Patch { corners: self.heights.corners(cell[0], cell[1]).map(f64::from), cell: [0.0; 2] }
+        Patch { corners: self.pyramid.corners(cell).map(f64::from), cell: [0.0; 2] }
     }
 
     /// Cells a metre along u and v; v runs against y.
@@ -193,9 +211,10 @@ impl<'a> HeightTracer<'a> {
     }
 
     /// The ray from `point` on the surface, as far as the surface may reach.
-    fn leaving(&self, point: SurfacePoint, direction: Vec3, t_max: f64) -> CellRay {
+    #[inline(always)]
+    fn leaving(&self, first: &Patch, point: SurfacePoint, direction: Vec3, t_max: f64) -> CellRay {
         debug_assert!(direction.is_finite() && direction != Vec3::ZERO, "a direction");
-        let z = self.patch(point.cell).height(point.st.map(f64::from));
+        let z = first.height(point.st.map(f64::from));
         let ray = CellRay::new(point.st, self.cells_per_metre(direction), z, f64::from(direction.z));
         self.bounded(ray, t_max)
     }
@@ -261,69 +280,65 @@ impl<'a> HeightTracer<'a> {
     /// Ends a ray at `t_max`, where it leaves the range of heights, and after the periods that a repeated map is followed
     /// for.
     fn bounded(&self, mut ray: CellRay, t_max: f64) -> CellRay {
-        let [low, high] = self.slab;
-        let leaves = match ray.dz {
-            dz if dz > 0.0 => (high - ray.z) / dz,
-            dz if dz < 0.0 => (low - ray.z) / dz,
-            _ => f64::INFINITY,
-        };
         let size = self.heights.size().map(|n| n as f64);
-        let reach = match ray.dir {
-            [0.0, 0.0] => f64::INFINITY,
-            [0.0, dv] if ray.dz == 0.0 => REACH_PERIODS_ALONG_AXIS * size[1] / dv.abs(),
-            [du, 0.0] if ray.dz == 0.0 => REACH_PERIODS_ALONG_AXIS * size[0] / du.abs(),
-            [du, dv] => {
-                let cells = (REACH_PERIODS * size[0].max(size[1])).clamp(REACH_CELLS[0], REACH_CELLS[1]);
-                cells / du.abs().max(dv.abs())
-            }
-        };
+        let cells = (REACH_PERIODS * size[0].max(size[1])).clamp(REACH_CELLS[0], REACH_CELLS[1]);
+        // Infinite for vertical rays.
+        let mut reach = cells / ray.dir[0].abs().max(ray.dir[1].abs());
+        let mut leaves = (self.slab[usize::from(ray.dz > 0.0)] - ray.z) / ray.dz;
+        if ray.dz == 0.0 {
+            leaves = f64::INFINITY;
+            reach = match ray.dir {
+                [0.0, dv] => REACH_PERIODS_ALONG_AXIS * size[1] / dv.abs(),
+                [du, 0.0] => REACH_PERIODS_ALONG_AXIS * size[0] / du.abs(),
+                _ => reach,
+            };
+        }
         // Rounding of `leaves` must not cut off the last of the surface.
         ray.t_end = (leaves * (1.0 + 1e-12)).min(reach).min(t_max).max(0.0);
         ray
     }
 
-    /// Searches the blocks under `ray` one after the other, from the one with `cell`.
+    /// The first `Some` that `leaf` gives for the cells that the ray may meet, from `cell` where it starts.
     #[inline(always)]
-    fn walk<R>(
+    fn search<R>(
         &self,
         ray: &CellRay,
+        side: Side,
         cell: [usize; 2],
-        buried: impl Fn() -> Option<R>,
         leaf: impl Fn(&Candidate) -> Option<R>,
     ) -> Option<R> {
-        let size = self.heights.size();
-        let node_ray = self.tree.prepare(ray);
+        let wide_ray = WideRay::new(ray, side, self.magnitude);
+        match self.pyramid.walk(&wide_ray, cell, &leaf) {
+            Walked::Found(found) => Some(found),
+            Walked::Missed => None,
+            Walked::Unfinished(t) => self.search_blocks(ray, &wide_ray.from(t), cell, &leaf),
+        }
+    }
+
+    /// Searches the blocks under `ray` one after the other, from the one with `cell`.
+    #[inline(never)]
+    fn search_blocks<R>(
+        &self,
+        ray: &CellRay,
+        wide_ray: &WideRay,
+        cell: [usize; 2],
+        leaf: impl Fn(&Candidate) -> Option<R>,
+    ) -> Option<R> {
+        let size = self.heights.size().map(|n| n as i32);
+        let forward = wide_ray.forward();
         let length = ray.t_end * ray.dir[0].abs().max(ray.dir[1].abs());
-        let level = block_level(length).clamp(FINEST_BLOCK.min(self.tree.top()), self.tree.top());
-        let block = 1usize << level;
-        let count = size.map(|n| n.div_ceil(block));
-        let mut node = cell.map(|x| x >> level);
-        let mut tile = cell.map(|x| -(x as i64));
+        let mut block = Block::new(block_level(length).min(self.pyramid.top()), cell);
         loop {
-            let at = Block { level, node: node.map(|x| x as u32), tile: tile.map(|x| x as i32) };
-            let found = self.tree.search(&node_ray, at, &buried, &leaf);
+            let found = self.pyramid.search(wide_ray, block, &leaf);
             if found.is_some() {
                 return found;
             }
-            let ends = [0, 1].map(|k| {
-                let end = if ray.inv[k] > 0.0 { ((node[k] + 1) * block).min(size[k]) } else { node[k] * block };
-                ray.t_at(k, (end as i64 + tile[k]) as f64)
-            });
+            let ends = [0, 1].map(|k| ray.t_at(k, f64::from(block.far_side(k, forward[k], size[k]))));
             let axis = usize::from(ends[1] < ends[0]);
             if ends[axis] >= ray.t_end {
                 return None;
             }
-            let period = size[axis] as i64;
-            let wraps = if ray.inv[axis] > 0.0 {
-                node[axis] = (node[axis] + 1) % count[axis];
-                tile[axis] += if node[axis] == 0 { period } else { 0 };
-                node[axis] == 0
-            } else {
-                let first = node[axis] == 0;
-                node[axis] = if first { count[axis] } else { node[axis] } - 1;
-                tile[axis] -= if first { period } else { 0 };
-                first
-            };
+            let wraps = block.step(axis, forward[axis], size[axis]);
             if wraps && self.heights.boundary() == Boundary::Clamp {
                 return None;
             }
@@ -331,8 +346,66 @@ impl<'a> HeightTracer<'a> {
     }
 }
 
-/// The level whose blocks are about as long as a ray over `cells` cells.
+/// log2 of the cells of the longest ray that is searched for over blocks of level 0, of 16 cells; four times that a level.
+const LEVEL_0_BITS: u32 = 6;
+
+/// The level of the blocks to search for a ray over `cells` cells.
 #[inline]
 fn block_level(cells: f64) -> u32 {
-    (cells.clamp(1.0, REACH_CELLS[1]) as u32).next_power_of_two().trailing_zeros()
+    let bits = (cells.clamp(1.0, REACH_CELLS[1]) as u32).next_power_of_two().trailing_zeros();
+    bits.saturating_sub(LEVEL_0_BITS).div_ceil(2)
+}
+
+/// Largest step between neighbouring vertices, metres.
+fn largest_step(heights: &HeightField) -> f64 {
+    let [nu, nv] = heights.size();
+    let mut largest = 0.0f32;
+    for (j, i) in (0..nv).flat_map(|j| (0..nu).map(move |i| (j, i))) {
+        let h = heights.vertex(i, j);
+        largest = largest.max((heights.vertex(i + 1, j) - h).abs()).max((heights.vertex(i, j + 1) - h).abs());
+    }
+    f64::from(largest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Heights 0 to 8 in no order: every ray has much to meet.
+    fn jagged(size: [usize; 2], boundary: Boundary) -> HeightField {
+        let heights = (0..size[0] * size[1]).map(|k| (k * k * 7919 % 1009) as f32 * 8.0 / 1009.0).collect();
+        HeightField::new(heights, size, [1.0, 1.0], boundary)
+    }
+
+    #[test]
+    fn a_walk_meets_first_what_a_search_of_all_blocks_meets_first() {
+        for (size, boundary) in
+            [([90, 70], Boundary::Repeat), ([90, 70], Boundary::Clamp), ([64, 64], Boundary::Repeat)]
+        {
+            let field = jagged(size, boundary);
+            let tracer = HeightTracer::new(&field);
+            for k in 0..20_000usize {
+                // Every third ray starts on a border or a corner, every fifth runs along an axis or a diagonal.
+                let st =
+                    if k % 3 == 0 { [0.0, (k % 2) as f32] } else { [(k % 97) as f32 / 97.0, (k % 89) as f32 / 89.0] };
+                let point = SurfacePoint { cell: [k * 31 % size[0], k * 17 % size[1]], st };
+                let (sin, cos) = (k as f32 * 2.399_963).sin_cos();
+                let flat = if k % 5 == 0 { [cos.round(), sin.round()] } else { [cos, sin] };
+                let climb = [0.02, 0.1, 0.5, 2.0][k % 4];
+                let patch = tracer.patch(point.cell);
+                let ray = tracer.leaving(&patch, point, Vec3::new(flat[0], flat[1], climb), f64::INFINITY);
+                for side in [Side::Above, Side::Below] {
+                    let first =
+                        |cell: &Candidate| (cell.at != [0, 0]).then(|| tracer.crossing(cell, &ray, side)).flatten();
+                    let all = WideRay::new(&ray, side, tracer.magnitude);
+                    let [walked, searched] = [
+                        tracer.search(&ray, side, point.cell, first),
+                        tracer.search_blocks(&ray, &all, point.cell, first),
+                    ]
+                    .map(|found| found.map(|(t, cell)| (t, cell.at)));
+                    assert_eq!(walked, searched, "{size:?} {boundary:?}, ray {k}, {side:?}: {ray:?}");
+                }
+            }
+        }
+    }
 }
