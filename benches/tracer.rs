@@ -1,23 +1,29 @@
-//! Rays a core-second by kind, on twill: `cargo bench --bench tracer`.
+//! Rays a core-second by kind, in one thread: `cargo bench --bench tracer`.
 //!
-//! Directions are random throughout. "Points in order" start in rows of blocks of 8 × 8 texels, as stratified points do;
-//! the others start anywhere, and wait for memory more than half of the time.
+//! First bounce rays on twill and rocks, beside a compressed wide BVH over the same bilinear cells: camera rays from random
+//! directions above hit the map at random places, and go on cosine-distributed about the normal there; the closest hit of
+//! that is timed, the rays are made before. Then rays of other kinds on twill, in random directions throughout. "Points
+//! in order" start in rows of blocks of 8 × 8 texels, as stratified points do; the others start anywhere, and wait for
+//! memory a third of the time.
 
+#[path = "../tests/tracing_cwbvh/reference.rs"]
+mod reference;
+
+use cpu_time::ThreadTime;
 use farfield::geometry::{Boundary, HeightField, HeightTracer, Ray, SurfacePoint};
 use farfield::math::rng::Stream;
 use glam::{DVec3, Vec3};
+use obvhs::BvhBuildParams;
+use reference::{Bounce, CellBvh, bounces, fixture};
 
 /// Amplitude of `fixtures/heights/twill.png` in texels.
 const TWILL_AMPLITUDE: f32 = 24.415_19;
+/// Amplitude of `fixtures/rocks/height.png` in texels.
+const ROCKS_AMPLITUDE: f32 = 35.9;
 const RAYS: u64 = 1 << 20;
-
-fn twill() -> HeightField {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/heights/twill.png");
-    let image = image::open(path).expect("a fixture of this repository").into_luma16();
-    let size = [image.width() as usize, image.height() as usize];
-    let heights = image.into_raw().into_iter().map(|code| f32::from(code) / 65535.0 * TWILL_AMPLITUDE).collect();
-    HeightField::new(heights, size, [1.0, 1.0], Boundary::Repeat)
-}
+/// Batches of bounce rays, and rays in each: one after the other by every tracer, so that all meet the same noise.
+const BATCHES: usize = 16;
+const BATCH_RAYS: usize = 1 << 16;
 
 /// Uniform in solid angle between two cosines.
 fn direction(rng: Stream, k: u64, cosines: [f32; 2]) -> Vec3 {
@@ -34,21 +40,11 @@ fn point(rng: Stream, k: u64, field: &HeightField) -> SurfacePoint {
     SurfacePoint { cell: place.map(|x| x as usize), st: place.map(f32::fract) }
 }
 
-/// CPU seconds of this thread where the system tells (other programs may share the core), else the time of day.
-fn core_seconds() -> f64 {
-    let scheduled = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = scheduled.and_then(|line| line.split(' ').next().and_then(|first| first.parse::<f64>().ok()));
-    nanoseconds.map_or_else(
-        || std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).expect("after 1970").as_secs_f64(),
-        |ns| ns * 1e-9,
-    )
-}
-
 /// Prints rays a second of `trace`, called for each of `rays`; `true` counts.
 fn report(name: &str, rays: u64, trace: impl Fn(u64) -> bool) {
-    let start = core_seconds();
+    let start = ThreadTime::now();
     let found = (0..rays).filter(|&k| trace(k)).count();
-    let seconds = core_seconds() - start;
+    let seconds = start.elapsed().as_secs_f64();
     println!(
         "tracer/{name}: {:.3} million rays a core-second, {:.1} % found",
         rays as f64 / seconds / 1e6,
@@ -77,13 +73,80 @@ fn marched(high: f32, tracer: &HeightTracer, point: SurfacePoint, direction: Vec
     false
 }
 
+type Count<'a> = Box<dyn Fn(&[Bounce]) -> usize + 'a>;
+
+/// One way to trace bounce rays: its name, the bytes it holds and how many of some rays hit.
+struct Way<'a> {
+    name: &'a str,
+    bytes: usize,
+    count: Count<'a>,
+}
+
+impl<'a> Way<'a> {
+    fn new(name: &'a str, bytes: usize, hits: impl Fn(&Bounce) -> bool + 'a) -> Self {
+        Self { name, bytes, count: Box::new(move |rays| rays.iter().filter(|ray| hits(ray)).count()) }
+    }
+
+    /// By a tracer; its bytes and those of the heights.
+    fn tracing(name: &'a str, tracer: &'a HeightTracer<'a>) -> Self {
+        let bytes = tracer.bytes() + size_of_val(tracer.heights().heights());
+        Self::new(name, bytes, |ray| tracer.intersect_from(ray.point, ray.direction).is_some())
+    }
+}
+
+/// Prints bounce rays a second on one map by the tracer and by the reference, batch by batch in turn.
+fn bounce_rays(map: &str, path: &str, amplitude: f32) {
+    let [tiled, single] = [Boundary::Repeat, Boundary::Clamp].map(|boundary| fixture(path, amplitude, boundary));
+    let [tiled_tracer, single_tracer] = [&tiled, &single].map(HeightTracer::new);
+    let bvh = CellBvh::new(&single, BvhBuildParams::slow_build());
+    let rays = bounces(&tiled_tracer, BATCHES * BATCH_RAYS, Stream::new(7, 0));
+    let ways = [
+        Way::tracing("tiled", &tiled_tracer),
+        Way::tracing("one tile", &single_tracer),
+        Way::new("one tile, CWBVH", bvh.bytes(), |ray| bvh.first_hit(&single, ray).is_some()),
+    ];
+    let mut seconds = [const { Vec::new() }; 3];
+    let mut found = [0; 3];
+    for number in 0..BATCHES {
+        let batch = |number: usize| &rays[number * BATCH_RAYS..(number + 1) * BATCH_RAYS];
+        for (k, way) in ways.iter().enumerate() {
+            // Other rays first: the way before has left the caches full of its own nodes.
+            std::hint::black_box((way.count)(batch((number + 1) % BATCHES)));
+            let start = ThreadTime::now();
+            found[k] += (way.count)(batch(number));
+            seconds[k].push(start.elapsed().as_secs_f64());
+        }
+    }
+    let speed = |seconds: f64| BATCH_RAYS as f64 / seconds / 1e6;
+    for (k, way) in ways.iter().enumerate() {
+        println!(
+            "tracer/bounce, {map}, {}: {:.3} million rays a core-second (best batch {:.3}), {:.2} times the CWBVH, \
+             {:.1} % found, {:.1} bytes a texel",
+            way.name,
+            speed(median(&seconds[k])),
+            speed(seconds[k].iter().copied().fold(f64::INFINITY, f64::min)),
+            median(&seconds[2].iter().zip(&seconds[k]).map(|(reference, own)| reference / own).collect::<Vec<_>>()),
+            100.0 * found[k] as f64 / rays.len() as f64,
+            way.bytes as f64 / tiled.heights().len() as f64
+        );
+    }
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut values = values.to_vec();
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
 fn main() {
-    let field = twill();
-    let start = core_seconds();
+    bounce_rays("twill", "heights/twill.png", TWILL_AMPLITUDE);
+    bounce_rays("rocks", "rocks/height.png", ROCKS_AMPLITUDE);
+    let field = fixture("heights/twill.png", TWILL_AMPLITUDE, Boundary::Repeat);
+    let start = ThreadTime::now();
     let tracer = HeightTracer::new(&field);
     println!(
         "tracer/build/1024²: {:.4} s, {:.1} bytes a texel beside the heights",
-        core_seconds() - start,
+        start.elapsed().as_secs_f64(),
         tracer.bytes() as f64 / 1048576.0
     );
     let high = field.range()[1];
