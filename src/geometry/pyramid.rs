@@ -11,13 +11,10 @@ use super::patch::{Patch, Side};
 use super::walk::Walk;
 use super::wide_ray::WideRay;
 
-/// How high a node's 4 × 4 children rise, `[v][u]`: −∞ for those outside of the map.
-type Bounds = [[f32; 4]; 4];
-
-/// Bounds of the surface, and of the surface mirrored at z = 0; a cache line each.
+/// How high a node's 4 × 4 children rise, `[v][u]`: −∞ for those outside of the map. A cache line.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-struct Node([Bounds; 2]);
+struct Node([[f32; 4]; 4]);
 
 /// Where a level lies within the nodes, and its nodes a row.
 #[derive(Clone, Copy, Debug)]
@@ -30,8 +27,8 @@ struct LevelSpan {
 #[derive(Clone, Debug)]
 pub(super) struct Pyramid {
     panels: Panels,
-    /// Level 0 first.
-    nodes: Vec<Node>,
+    /// Nodes of the surface and of the surface mirrored at z = 0, level 0 first. Most rays read the first alone.
+    nodes: [Vec<Node>; 2],
     levels: Vec<LevelSpan>,
     /// Cells along u and v.
     size: [i32; 2],
@@ -71,31 +68,35 @@ pub(super) enum Walked<R> {
 impl Pyramid {
     pub(super) fn new(heights: &HeightField) -> Self {
         let size = heights.size().map(|n| n as i32);
-        let mut pyramid = Self { panels: Panels::new(heights), nodes: Vec::new(), levels: Vec::new(), size };
+        let mut pyramid =
+            Self { panels: Panels::new(heights), nodes: [const { Vec::new() }; 2], levels: Vec::new(), size };
         let mut width = heights.size().map(|n| n.div_ceil(4));
         let mut bounds = tile_bounds(heights, width);
         while pyramid.levels.is_empty() || width != [1, 1] {
             (bounds, width) = pyramid.push_level(&bounds, width);
         }
-        pyramid.nodes.shrink_to_fit();
+        pyramid.nodes.iter_mut().for_each(Vec::shrink_to_fit);
         pyramid
     }
 
     /// Appends the nodes above `bounds` (of `width` columns and rows); returns their own bounds and width.
     fn push_level(&mut self, bounds: &[[f32; 2]], width: [usize; 2]) -> (Vec<[f32; 2]>, [usize; 2]) {
         let [columns, rows] = width.map(|n| n.div_ceil(4));
-        self.levels.push(LevelSpan { offset: self.nodes.len(), width: columns });
+        self.levels.push(LevelSpan { offset: self.nodes[0].len(), width: columns });
         let mut own = Vec::with_capacity(columns * rows);
         for (y, x) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
-            let mut node = Node([[[f32::NEG_INFINITY; 4]; 4]; 2]);
-            for (j, i) in (0..4).flat_map(|j| (0..4).map(move |i| (j, i))) {
-                if 4 * x + i < width[0] && 4 * y + j < width[1] {
-                    let [surface, mirrored] = bounds[(4 * y + j) * width[0] + 4 * x + i];
-                    (node.0[0][j][i], node.0[1][j][i]) = (surface, mirrored);
+            let mut highest = [f32::NEG_INFINITY; 2];
+            for face in [0, 1] {
+                let mut node = Node([[f32::NEG_INFINITY; 4]; 4]);
+                for (j, i) in (0..4).flat_map(|j| (0..4).map(move |i| (j, i))) {
+                    if 4 * x + i < width[0] && 4 * y + j < width[1] {
+                        node.0[j][i] = bounds[(4 * y + j) * width[0] + 4 * x + i][face];
+                        highest[face] = highest[face].max(node.0[j][i]);
+                    }
                 }
+                self.nodes[face].push(node);
             }
-            own.push(node.0.map(|rows| rows.into_iter().flatten().fold(f32::NEG_INFINITY, f32::max)));
-            self.nodes.push(node);
+            own.push(highest);
         }
         (own, [columns, rows])
     }
@@ -107,7 +108,7 @@ impl Pyramid {
 
     /// Bytes held.
     pub(super) fn bytes(&self) -> usize {
-        self.panels.bytes() + self.nodes.capacity() * size_of::<Node>()
+        self.panels.bytes() + self.nodes.iter().map(|nodes| nodes.capacity() * size_of::<Node>()).sum::<usize>()
     }
 
     /// The candidate that a ray starts in.
@@ -126,11 +127,11 @@ impl Pyramid {
     pub(super) fn walk<R>(&self, ray: &WideRay, cell: [usize; 2], leaf: impl Fn(&Candidate) -> Option<R>) -> Walked<R> {
         let cell = cell.map(|x| x as i32);
         let mut walk = Walk::new(ray, cell, self.size);
-        let (nodes, width, face) = (&self.nodes[..], self.levels[0].width, ray.side().index());
-        while let Some(highest) = meet(nodes, width, face, &mut walk) {
+        let (nodes, width) = (&self.nodes[ray.side().index()][..], self.levels[0].width);
+        while let Some(highest) = meet(nodes, width, &mut walk) {
             let tile = walk.tile();
-            let corner = [4 * tile[0] - cell[0], 4 * tile[1] - cell[1]];
-            if let Some(found) = self.search_tile(ray, tile.map(|x| x as u32), corner, highest, &leaf) {
+            let corner = [0, 1].map(|axis| 4 * tile[axis] as i32 - cell[axis]);
+            if let Some(found) = self.search_tile(ray, tile, corner, highest, &leaf) {
                 return Walked::Found(found);
             }
             if !walk.advance() {
@@ -181,9 +182,9 @@ impl Pyramid {
     }
 
     #[inline(always)]
-    fn bounds(&self, side: Side, level: u32, [x, y]: [u32; 2]) -> &Bounds {
+    fn bounds(&self, side: Side, level: u32, [x, y]: [u32; 2]) -> &[[f32; 4]; 4] {
         let span = self.levels[level as usize];
-        &self.nodes[span.offset + y as usize * span.width + x as usize].0[side.index()]
+        &self.nodes[side.index()][span.offset + y as usize * span.width + x as usize].0
     }
 
     /// The first `Some` that `leaf` gives for the cells of a tile, whose first cell is at `corner` from the ray's start.
@@ -272,15 +273,15 @@ fn cell_bits(level: u32) -> u32 {
 
 /// Walks to the next tile that the ray may meet, the one it is over included: how high that tile is.
 ///
-/// `nodes` are level 0 first, `width` of them a row; `face` is the side's. Not inlined: there is nothing here but the walk
+/// `nodes` are those of level 0, `width` of them a row. Not inlined: there is nothing here but the walk
 /// itself, and all of it stays in registers.
 #[inline(never)]
-fn meet(nodes: &[Node], width: usize, face: usize, walk: &mut Walk) -> Option<f32> {
+fn meet(nodes: &[Node], width: usize, walk: &mut Walk) -> Option<f32> {
     let mut here = *walk;
     let met = loop {
         let [x, y] = here.tile();
-        let bounds = &nodes[(y >> 2) as usize * width + (x >> 2) as usize].0[face & 1];
-        let highest = bounds[(y & 3) as usize][(x & 3) as usize];
+        let node = &nodes[(y >> 2) as usize * width + (x >> 2) as usize];
+        let highest = node.0[(y & 3) as usize][(x & 3) as usize];
         if here.lowest() <= highest {
             break Some(highest);
         }

@@ -1,7 +1,7 @@
 //! Exact rays against a bilinear height field: a pyramid of height bounds over its cells.
 //!
 //! A ray walks from tile to tile of 4 × 4 cells. One that is not done after a few tiles goes on over blocks of the pyramid,
-//! each about as large as the ray is long, and searches each from front to back. `Repeat` tiles the plane without end: a
+//! each a quarter as large as the ray is long or larger, and searches each from front to back. `Repeat` tiles the plane without end: a
 //! ray is followed relative to the cell that it starts in, so its precision does not depend on where in the plane that is,
 //! and it ends where it leaves the range of heights.
 
@@ -55,7 +55,7 @@ pub struct HeightTracer<'a> {
     tolerance: f64,
 }
 
-/// Where a ray crosses the surface: t, the cell of the map and its patch.
+/// Where a ray crosses the surface: t and the cell.
 type Crossing = (f64, Candidate);
 
 /// Where a ray comes over the map and into the range of heights.
@@ -79,18 +79,21 @@ const REACH_PERIODS: f64 = 256.0;
 const REACH_CELLS: [f64; 2] = [65_536.0, 4_194_304.0];
 /// A horizontal ray along an axis sees the same heights again after one period: one for what is ahead and one for rounding.
 const REACH_PERIODS_ALONG_AXIS: f64 = 2.0;
-/// [`HeightTracer::tolerance`] in units of the height range, and of the largest height and a cell: not 0 for a flat map.
+/// [`HeightTracer::tolerance`] in units of the height range and of the largest height.
 const TOLERANCE: [f64; 2] = [1e-12, 1e-14];
+/// Least tolerance in metres: a flat map at height 0 has no other, and a slab without thickness is never crossed.
+const LEAST_TOLERANCE: f64 = 1e-300;
 /// Margin of the slab of heights in tolerances: a ray that leaves it has crossed by more than the tolerance.
 const SLAB_MARGIN: f64 = 4.0;
+
 impl<'a> HeightTracer<'a> {
     /// Builds the pyramid: 4.6 bytes a texel beside the heights, which stay borrowed.
     pub fn new(heights: &'a HeightField) -> Self {
         let range = heights.range();
         debug_assert!(range.iter().all(|h| h.is_finite()), "heights are finite");
         let [low, high] = range.map(f64::from);
-        let cell = f64::from(heights.spacing()[0]);
-        let tolerance = TOLERANCE[0] * (high - low) + TOLERANCE[1] * (cell + low.abs().max(high.abs()));
+        let tolerance = TOLERANCE[0] * (high - low) + TOLERANCE[1] * low.abs().max(high.abs());
+        let tolerance = tolerance.max(LEAST_TOLERANCE);
         let slab = [low - SLAB_MARGIN * tolerance, high + SLAB_MARGIN * tolerance];
         let magnitude = Magnitude { height: low.abs().max(high.abs()), step: largest_step(heights) };
         Self { heights, pyramid: Pyramid::new(heights), magnitude, slab, tolerance }
@@ -360,13 +363,14 @@ impl<'a> HeightTracer<'a> {
     }
 }
 
-/// The level of the blocks to search for a ray over `cells` cells: it is one to four of them long.
-///
-/// 4^l·16 cells a block; with half of that, the blocks of a ray above 75° on twill took as long.
+/// log2 of the cells of the longest ray that is searched for over blocks of level 0, of 16 cells; four times that a level.
+const LEVEL_0_BITS: u32 = 6;
+
+/// The level of the blocks to search for a ray over `cells` cells.
 #[inline]
 fn block_level(cells: f64) -> u32 {
     let bits = (cells.clamp(1.0, REACH_CELLS[1]) as u32).next_power_of_two().trailing_zeros();
-    bits.saturating_sub(6).div_ceil(2)
+    bits.saturating_sub(LEVEL_0_BITS).div_ceil(2)
 }
 
 /// Largest step between neighbouring vertices, metres.
@@ -378,4 +382,47 @@ fn largest_step(heights: &HeightField) -> f64 {
         largest = largest.max((heights.vertex(i + 1, j) - h).abs()).max((heights.vertex(i, j + 1) - h).abs());
     }
     f64::from(largest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Heights 0 to 8 in no order: every ray has much to meet.
+    fn jagged(size: [usize; 2], boundary: Boundary) -> HeightField {
+        let heights = (0..size[0] * size[1]).map(|k| (k * k * 7919 % 1009) as f32 * 8.0 / 1009.0).collect();
+        HeightField::new(heights, size, [1.0, 1.0], boundary)
+    }
+
+    #[test]
+    fn a_walk_meets_first_what_a_search_of_all_blocks_meets_first() {
+        for (size, boundary) in
+            [([90, 70], Boundary::Repeat), ([90, 70], Boundary::Clamp), ([64, 64], Boundary::Repeat)]
+        {
+            let field = jagged(size, boundary);
+            let tracer = HeightTracer::new(&field);
+            for k in 0..20_000usize {
+                // Every third ray starts on a border or a corner, every fifth runs along an axis or a diagonal.
+                let st =
+                    if k % 3 == 0 { [0.0, (k % 2) as f32] } else { [(k % 97) as f32 / 97.0, (k % 89) as f32 / 89.0] };
+                let point = SurfacePoint { cell: [k * 31 % size[0], k * 17 % size[1]], st };
+                let (sin, cos) = (k as f32 * 2.399_963).sin_cos();
+                let flat = if k % 5 == 0 { [cos.round(), sin.round()] } else { [cos, sin] };
+                let climb = [0.02, 0.1, 0.5, 2.0][k % 4];
+                let patch = tracer.patch(point.cell);
+                let ray = tracer.leaving(&patch, point, Vec3::new(flat[0], flat[1], climb), f64::INFINITY);
+                for side in [Side::Above, Side::Below] {
+                    let first =
+                        |cell: &Candidate| (cell.at != [0, 0]).then(|| tracer.crossing(cell, &ray, side)).flatten();
+                    let all = WideRay::new(&ray, side, tracer.magnitude);
+                    let [walked, searched] = [
+                        tracer.search(&ray, side, point.cell, first),
+                        tracer.search_blocks(&ray, &all, point.cell, first),
+                    ]
+                    .map(|found| found.map(|(t, cell)| (t, cell.at)));
+                    assert_eq!(walked, searched, "{size:?} {boundary:?}, ray {k}, {side:?}: {ray:?}");
+                }
+            }
+        }
+    }
 }

@@ -8,9 +8,9 @@ use super::wide_ray::{Padded, WideRay};
 /// Where a walk is: all in scalars, to stay in registers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Walk {
-    /// The tile, and the way to the next along u and v.
-    tile: [i32; 2],
-    way: [i32; 2],
+    /// The tile, and the way to the next along u and v: 1 or −1, wrapping.
+    tile: [u32; 2],
+    way: [u32; 2],
     /// t where the ray leaves the tile through its sides along u and v, and from there to the next sides.
     t: [f32; 2],
     pace: [f32; 2],
@@ -25,7 +25,7 @@ pub(super) struct Walk {
 
 /// Bound on the relative rounding between two t of a walk: each is off by three roundings of 6e-8 and one more a tile.
 const WALK_PADDING: f32 = 4e-6;
-/// Cells that a walk goes along u or v at most: 16 tiles. Longer ones were no faster on twill and rocks.
+/// Cells that a walk goes along u or v at most: 16 tiles. Half of it took 5 % longer on twill and rocks, more was no faster.
 const WALK_CELLS: f32 = 64.0;
 
 impl Walk {
@@ -40,8 +40,8 @@ impl Walk {
         let pace = ray.pace();
         let reach = t(0, border(0)).min(t(1, border(1))).min(WALK_CELLS * pace[0].min(pace[1]));
         Self {
-            tile: cell.map(|x| x >> 2),
-            way: forward.map(|forward| 2 * forward - 1),
+            tile: cell.map(|x| x as u32 >> 2),
+            way: forward.map(|forward| (2 * forward - 1) as u32),
             t: [t(0, side(0)), t(1, side(1))],
             pace: pace.map(|pace| 4.0 * pace),
             t_in: 0.0,
@@ -55,7 +55,7 @@ impl Walk {
 
     /// The tile that the walk is at.
     #[inline(always)]
-    pub(super) fn tile(&self) -> [i32; 2] {
+    pub(super) fn tile(&self) -> [u32; 2] {
         self.tile
     }
 
@@ -76,10 +76,10 @@ impl Walk {
             return false;
         }
         // Along u or along v as factors: a branch would be wrong every other time.
-        let u = i32::from(self.t[0] < self.t[1]);
+        let u = u8::from(self.t[0] < self.t[1]);
         let v = 1 - u;
-        self.t = [self.t[0] + self.pace[0] * u as f32, self.t[1] + self.pace[1] * v as f32];
-        self.tile = [self.tile[0] + self.way[0] * u, self.tile[1] + self.way[1] * v];
+        self.t = [self.t[0] + self.pace[0] * f32::from(u), self.t[1] + self.pace[1] * f32::from(v)];
+        self.tile = [0, 1].map(|axis| self.tile[axis].wrapping_add(self.way[axis] * u32::from([u, v][axis])));
         self.t_in = t_out;
         true
     }
@@ -87,7 +87,9 @@ impl Walk {
     /// t before which there is nothing to meet, once [`Self::advance`] says no; `None` if the ray ends there as well.
     #[inline(always)]
     pub(super) fn rest(&self, ray: &WideRay) -> Option<f32> {
-        let ended = self.t_stop >= ray.padded().t_end && self.t_out() >= self.t_stop;
+        // Where rounding decides whether the ray ends over this tile, it does not.
+        let t_end = ray.padded().t_end;
+        let ended = self.t_stop >= t_end && self.t_out() * (1.0 - WALK_PADDING) > t_end;
         (!ended).then_some(self.t_in * (1.0 - WALK_PADDING))
     }
 
