@@ -41,6 +41,7 @@ fn max_prototypes(brdf: &Brdf) -> usize {
 const TASKS: usize = 12;
 
 /// What the coarse surface is made of.
+#[derive(Clone, Copy)]
 pub struct CoarseSurface<'a> {
     /// Coarse heights.
     pub heights: &'a HeightField,
@@ -60,27 +61,43 @@ pub fn coarse_reflectance(
     patches: [usize; 2],
     directions: &TableDirections,
 ) -> PatchReflectance {
+    let merged = MergedLobes::new(coarse.lobes, max_prototypes(coarse.brdf), directions);
+    reflectance_of(coarse, &merged, patches, directions)
+}
+
+/// [`coarse_reflectance`] with lobes that have been merged before: they do not depend on the heights.
+pub(super) fn reflectance_of(
+    coarse: &CoarseSurface<'_>,
+    merged: &MergedLobes,
+    patches: [usize; 2],
+    directions: &TableDirections,
+) -> PatchReflectance {
     let cells = coarse.heights.size();
     let per_axis = PLACES.div_ceil(cells[0].max(cells[1])).clamp(MIN_PLACES_PER_CELL, PLACES);
     let places = Places::new(coarse.heights, per_axis);
     let bits = VisibilityBits::sweep(&places.field, &directions.vectors, places.slots());
-    let prototypes = Prototypes::new(coarse.lobes, cells[0] * cells[1], max_prototypes(coarse.brdf));
-    let tables = FacingTables::new(&prototypes, directions);
-    let facing = tables.inverse_of_cells(&prototypes, directions.len());
     let terms = terms(coarse.brdf, coarse.base_color.is_some());
-    let task = Task {
-        coarse,
-        patches,
-        directions,
-        places: &places,
-        bits: &bits,
-        prototypes: &prototypes,
-        tables: &tables,
-        facing,
-        terms,
-    };
+    let task = Task { coarse, merged, patches, directions, places: &places, bits: &bits, terms };
     let sums = task.sums();
     assemble(&sums, &task.terms, coarse.brdf, directions)
+}
+
+/// The lobes of all cells as shares of prototypes, and how these face the directions of a table.
+pub(super) struct MergedLobes {
+    prototypes: Prototypes,
+    tables: FacingTables,
+    /// 1/P_c, `[cell][direction]`.
+    facing: Vec<f32>,
+}
+
+impl MergedLobes {
+    /// Merges `lobes`, `[lobe][cell]`, to at most `limit` prototypes.
+    pub(super) fn new(lobes: &[Vec<VmfLobe>], limit: usize, directions: &TableDirections) -> Self {
+        let prototypes = Prototypes::new(lobes, lobes[0].len(), limit);
+        let tables = FacingTables::new(&prototypes, directions);
+        let facing = tables.inverse_of_cells(&prototypes, directions.len());
+        Self { prototypes, tables, facing }
+    }
 }
 
 /// The places at which the cells are sampled: the centres of `per_axis`² parts of each.
@@ -248,10 +265,7 @@ struct Task<'a> {
     directions: &'a TableDirections,
     places: &'a Places,
     bits: &'a VisibilityBits,
-    prototypes: &'a Prototypes,
-    tables: &'a FacingTables,
-    /// 1/P_c, `[cell][direction]`.
-    facing: Vec<f32>,
+    merged: &'a MergedLobes,
     terms: Vec<Term>,
 }
 
@@ -313,8 +327,11 @@ impl simd::Kernel for RowKernel<'_> {
             if cell % BLOCK_TERMS == 0 {
                 flush(&mut block, self.sums);
             }
+            if task.merged.prototypes.cells[cell].is_empty() {
+                continue;
+            }
             scratch.load(task, cell, n);
-            let facing = &task.facing[cell * task.directions.len()..][..n];
+            let facing = &task.merged.facing[cell * task.directions.len()..][..n];
             let color = task.coarse.base_color.map_or([1.0; 3], |colors| colors[cell]);
             for i in self.rows.clone() {
                 if facing[i] == 0.0 || !scratch.joint(i, n) {
@@ -328,7 +345,9 @@ impl simd::Kernel for RowKernel<'_> {
                 for (t, &term) in task.terms.iter().enumerate() {
                     let numerator = &mut scratch.numerator[..i + 1];
                     numerator.fill(0.0);
-                    for &(prototype, weight) in &task.prototypes.members[task.prototypes.cells[cell].clone()] {
+                    for &(prototype, weight) in
+                        &task.merged.prototypes.members[task.merged.prototypes.cells[cell].clone()]
+                    {
                         let row = tables.row(term.part, prototype as usize, i);
                         numerator.iter_mut().zip(row).for_each(|(sum, value)| *sum += weight * value);
                     }
@@ -370,14 +389,14 @@ impl PrototypeTables {
         let stride = rows.len() * n;
         let has = |part| task.terms.iter().any(|term| term.part == part);
         let mut parts = [Part::Diffuse, Part::Specular]
-            .map(|part| if has(part) { vec![0.0; task.prototypes.kernels.len() * stride] } else { Vec::new() });
+            .map(|part| if has(part) { vec![0.0; task.merged.prototypes.kernels.len() * stride] } else { Vec::new() });
         let w = &task.directions.vectors;
         let row_of = |value: fn([f32; 3], [f32; 3]) -> f32| -> Vec<Vec<f32>> {
             rows.clone().map(|i| w[..=i].iter().map(|&wo| value(w[i], wo)).collect()).collect()
         };
         let cos_io = row_of(|a, b| a[0] * b[0] + a[1] * b[1] + a[2] * b[2]);
         let cos_half = row_of(|a, b| half_vector(a, b).1);
-        for (k, kernel) in task.prototypes.kernels.iter().enumerate() {
+        for (k, kernel) in task.merged.prototypes.kernels.iter().enumerate() {
             let prototype = PrototypeRow::new(task, k, *kernel);
             for (r, i) in rows.clone().enumerate() {
                 let at = k * stride + r * n;
@@ -417,10 +436,10 @@ impl<'a> PrototypeRow<'a> {
         let of = |table: &'a Vec<f32>| &table[k * n..][..n];
         Self {
             kernel,
-            cos_mean: of(&task.tables.cos_mean),
-            normal_mean: of(&task.tables.normal_mean),
-            fraction: of(&task.tables.fraction),
-            excess: of(&task.tables.excess),
+            cos_mean: of(&task.merged.tables.cos_mean),
+            normal_mean: of(&task.merged.tables.normal_mean),
+            fraction: of(&task.merged.tables.fraction),
+            excess: of(&task.merged.tables.excess),
             alpha: task.coarse.brdf.specular.map_or(1.0, |conductor| conductor.alpha),
             gaussians: task.coarse.gaussians,
         }

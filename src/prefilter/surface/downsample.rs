@@ -54,7 +54,12 @@ impl Cut {
 /// The result covers the same extent with [`coarse_cells`] cells, keeps the boundary and the mean height, and is
 /// exactly constant where `fine` is. The true factor, n over the number of cells, may be fractional.
 pub fn downsample(fine: &HeightField, factor: f32) -> HeightField {
-    downsample_to(fine, coarse_cells(fine.size(), factor), LAPLACIAN_WEIGHT)
+    downsample_with(fine, factor, LAPLACIAN_WEIGHT)
+}
+
+/// [`downsample`] with another weight of the Laplacian.
+pub(super) fn downsample_with(fine: &HeightField, factor: f32, laplacian_weight: f64) -> HeightField {
+    downsample_to(fine, coarse_cells(fine.size(), factor), laplacian_weight)
 }
 
 fn downsample_to(fine: &HeightField, cells: [usize; 2], laplacian_weight: f64) -> HeightField {

@@ -14,7 +14,7 @@ const SWEEPS: usize = 6;
 
 /// Strength of the prior: this fraction of the mean F_coarse, added with ratio 1. Small, for the tails of a narrow NDF
 /// lie four orders of magnitude under its mean and are to be fitted too.
-const PRIOR: f64 = 1e-6;
+pub(super) const PRIOR: f64 = 1e-6;
 
 /// Cosine of the polar angle that divides "below" from "above": 75°.
 pub const COS_75: f32 = 0.258_819_05;

@@ -8,6 +8,7 @@ pub mod fit;
 pub mod lobes;
 pub mod published;
 pub mod reflectance;
+mod smoothing;
 pub mod visibility;
 
 pub use downsample::coarse_cells;
@@ -82,8 +83,8 @@ pub struct CoarseLevel {
 
 /// Compiles one level for direct light (shadowing and masking).
 ///
-/// The stages, named to `on_stage` as they begin: `downsample`, `lobes`, `group`, `visibility`, `fine`, `coarse`,
-/// `fit`.
+/// The stages, named to `on_stage` as they begin: `downsample`, `lobes`, `group`, `visibility`, `fine`, `smooth`,
+/// `coarse`, `fit`.
 pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn FnMut(&'static str)) -> CoarseLevel {
     on_stage("downsample");
     let heights = downsample::downsample(&fine.heights, settings.factor);
@@ -95,7 +96,7 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
     let patches = cells.map(|cells| settings.patches.clamp(1, cells));
     let directions = TableDirections::new(settings.directions);
     let f_fine = fine::fine_reflectance(fine, patches, &directions, on_stage);
-    on_stage("coarse");
+    on_stage("smooth");
     let gaussians = fine.brdf.specular.map_or_else(Vec::new, |conductor| ggx_gaussians(conductor.alpha));
     let surface = CoarseSurface {
         heights: &heights,
@@ -104,6 +105,9 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
         brdf: &fine.brdf,
         gaussians: &gaussians,
     };
+    let smoothed = smoothing::smoothed(&fine.heights, settings.factor, &surface, &f_fine, &directions);
+    on_stage("coarse");
+    let surface = CoarseSurface { heights: &smoothed, ..surface };
     let f_coarse = coarse_reflectance(&surface, patches, &directions);
     on_stage("fit");
     let (factors, spatial) = (1..=settings.rank)
@@ -118,7 +122,7 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
     let angular = factors.angular.iter().map(|s| full_table(s, directions.len())).collect();
     let warnings = scaling_warning(&factors.angular, &f_fine, &directions).into_iter().collect();
     CoarseLevel {
-        heights,
+        heights: smoothed,
         lobes,
         base_color,
         patches,

@@ -39,6 +39,20 @@ impl TableDirections {
         Self { vectors, xyz, resolution }
     }
 
+    /// Every `step`-th centre along each axis, from the first on, and which ones these are.
+    pub(super) fn every(&self, step: usize) -> ThinnedDirections {
+        let kept = (0..self.resolution).step_by(step);
+        let nodes: Vec<usize> = kept
+            .clone()
+            .flat_map(|row| kept.clone().map(move |k| (row, k)))
+            .map(|(row, k)| row * self.resolution + k)
+            .collect();
+        let vectors = nodes.iter().map(|&node| self.vectors[node]).collect();
+        let xyz = [0, 1, 2].map(|k| nodes.iter().map(|&node| self.xyz[k][node]).collect());
+        let resolution = kept.len();
+        ThinnedDirections { directions: Self { vectors, xyz, resolution }, nodes }
+    }
+
     /// Number of directions, N².
     pub fn len(&self) -> usize {
         self.vectors.len()
@@ -48,6 +62,14 @@ impl TableDirections {
     pub fn is_empty(&self) -> bool {
         self.vectors.is_empty()
     }
+}
+
+/// Some of the directions of a table, still a square of them.
+pub(super) struct ThinnedDirections {
+    /// The directions.
+    pub(super) directions: TableDirections,
+    /// Index of each in the whole table.
+    pub(super) nodes: Vec<usize>,
 }
 
 /// F of all patches: RGB, `[patch][rgb][pair]`.
