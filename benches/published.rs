@@ -15,7 +15,7 @@ use farfield::prefilter::surface::fine::fine_reflectance;
 use farfield::prefilter::surface::lobes::fit_lobes;
 use farfield::prefilter::surface::published::{Published, PublishedSettings, Surfaces};
 use farfield::prefilter::surface::reflectance::{PatchReflectance, TableDirections, pair};
-use farfield::prefilter::surface::{FineSurface, LevelSettings, VmfLobe, compile};
+use farfield::prefilter::surface::{FineSurface, LevelSettings, LightTransport, VmfLobe, compile};
 use farfield::transport::PatchSampling;
 use farfield::transport::effective::{base_scatter, for_each_point};
 use formats::cell_brdf::{BaseBrdf, CellBrdf, Lobe, Specular};
@@ -141,7 +141,15 @@ fn main() {
         );
 
         let surface = FineSurface { heights: heights.clone(), brdf, color: None };
-        let level = LevelSettings { factor: FACTOR, patches: 4, directions: N, rank: 1, lobes: None, seed: 1 };
+        let level = LevelSettings {
+            factor: FACTOR,
+            patches: 4,
+            directions: N,
+            rank: 1,
+            lobes: None,
+            light: LightTransport::Direct,
+            seed: 1,
+        };
         let start = ProcessTime::now();
         let compiled = compile(&surface, &level, &mut |_| ());
         let seconds = start.elapsed().as_secs_f64();

@@ -8,7 +8,7 @@ use farfield::build::encode::surface_level;
 use farfield::geometry::Boundary;
 use farfield::math::rng::Stream;
 use farfield::math::simd::{self, Kernel};
-use farfield::prefilter::surface::{FineSurface, LevelSettings};
+use farfield::prefilter::surface::{FineSurface, LevelSettings, LightTransport};
 use formats::cell_brdf::{LobeKernel, exp_neg, half_vector};
 use support::{asset, at, both, compiled, crop, diffuse, fixture, measured, through_bytes};
 
@@ -25,7 +25,18 @@ fn surfaces() -> Vec<(FineSurface, LevelSettings)> {
     let plain =
         FineSurface { heights: crop(&twill, [96, 96], [1.0; 2], Boundary::Repeat), brdf: diffuse(0.6), color: None };
     vec![
-        (colored, LevelSettings { factor: 3.7, patches: 3, directions: 9, rank: 2, lobes: None, seed: 1 }),
+        (
+            colored,
+            LevelSettings {
+                factor: 3.7,
+                patches: 3,
+                directions: 9,
+                rank: 2,
+                lobes: None,
+                light: LightTransport::Direct,
+                seed: 1,
+            },
+        ),
         (plain, at(8.0)),
     ]
 }

@@ -6,7 +6,7 @@ use farfield::build::encode::{decoded, surface_level};
 use farfield::geometry::{Boundary, HeightField};
 use farfield::material::{Brdf, Conductor};
 use farfield::math::rng::Stream;
-use farfield::prefilter::surface::{FineSurface, LevelSettings};
+use farfield::prefilter::surface::{FineSurface, LevelSettings, LightTransport};
 use formats::asset::{MAX_HALF, SurfaceAsset};
 use glam::Vec3;
 use support::{asset, at, both, compiled, diffuse, field, fixture, ggx, measured, random_direction, towards, waves};
@@ -320,7 +320,9 @@ fn settings_beyond_the_map_survive() {
     ];
     for (name, factor, patches, directions, rank, lobes) in odd {
         let case = Case::new(name, hills());
-        run(&case.with(|s| *s = LevelSettings { factor, patches, directions, rank, lobes, seed: 1 }));
+        run(&case.with(|s| {
+            *s = LevelSettings { factor, patches, directions, rank, lobes, light: LightTransport::Direct, seed: 1 }
+        }));
     }
 }
 

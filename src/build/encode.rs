@@ -9,7 +9,7 @@ use serde_json::json;
 use super::{Input, SurfaceSpec};
 use crate::geometry;
 use crate::material::{Brdf, ggx_gaussians};
-use crate::prefilter::surface::CoarseLevel;
+use crate::prefilter::surface::{CoarseLevel, LightTransport};
 
 /// Raised when the compiler writes other bytes for the same input and settings.
 pub const SURFACE_VERSION: &str = "3";
@@ -19,7 +19,7 @@ pub fn surface_asset(spec: &SurfaceSpec, input: &Input, levels: Vec<SurfaceLevel
     let [width, height] = input.fine.heights.size().map(|n| n as u32);
     SurfaceAsset {
         name: spec.name.clone(),
-        light: Light::Direct,
+        light: light(spec.light()),
         size: spec.size,
         boundary: boundary(spec.boundary),
         source: Source { digest: input.height_digest.clone(), width, height },
@@ -51,6 +51,14 @@ pub fn surface_level(index: usize, fine: &geometry::HeightField, coarse: CoarseL
         angular: coarse.angular,
         error: None,
         limited_by: None,
+    }
+}
+
+/// The light in the words of `formats`.
+pub fn light(light: LightTransport) -> Light {
+    match light {
+        LightTransport::Direct => Light::Direct,
+        LightTransport::Baked => Light::Baked,
     }
 }
 

@@ -5,7 +5,7 @@
 //! machinery (visibility bits, normal bins, prototypes, table nodes) is used. Two independent halves a and b of points
 //! keep the noise of the casts out of the squares: ε² = Σ d_a·d_b / Σ F_a·F_b with d = T·S·F_coarse − F_fine.
 
-use formats::asset::{Figure, LevelError, SurfaceLevel};
+use formats::asset::{Figure, LevelError, Light, SurfaceLevel};
 use formats::{BaseBrdf, Boundary, lookup};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -15,6 +15,7 @@ use crate::math::rng::Stream;
 use crate::prefilter::surface::FineSurface;
 use crate::prefilter::surface::fit::COS_75;
 use crate::transport::PatchSampling;
+use crate::transport::bounces::{BaseReflector, bounce};
 use crate::transport::effective::{base_scatter, for_each_point};
 
 /// What a level decoded from its own bytes is measured against.
@@ -26,6 +27,8 @@ pub struct Reference<'a> {
     pub bsdf: &'a BaseBrdf,
     /// Metres covered by the map.
     pub size: [f64; 2],
+    /// The light that the level holds.
+    pub light: Light,
     /// What lies beyond the map's rim.
     pub boundary: Boundary,
     /// ε below 75° of the fit at its own nodes, known from the fit.
@@ -43,8 +46,9 @@ const TRIPLES: usize = 1280;
 /// Points per axis of a patch in each half: 4096 stratified points.
 const STRATA: usize = 64;
 
-/// Streams of [`Stream`] used here: directions, then two halves of points.
+/// Streams of [`Stream`] used here: directions, then two halves of points, then their paths.
 const DIRECTIONS: u64 = 1 << 40;
+const PATHS: u64 = 1 << 41;
 
 /// The measured error of `level`, the level as decoded from the asset's bytes.
 pub fn measure(reference: &Reference<'_>, level: &SurfaceLevel) -> LevelError {
@@ -109,7 +113,7 @@ fn measure_batch(
     let halves = [0, 1].map(|half| {
         let seed = reference.seed ^ (2 * batch as u64 + half + 1);
         let sampling = PatchSampling::of_grid(level.patches, patch, STRATA, seed);
-        let fine = fine_sums(reference.fine, &tracers[0], &sampling, &directions, &pairs);
+        let fine = fine_sums(reference, &tracers[0], &sampling, &directions, &pairs);
         let coarse = coarse_sums(level, reference.boundary, &tracers[1], &sampling, &directions, &pairs, &mut cells);
         (fine, coarse)
     });
@@ -123,15 +127,18 @@ fn measure_batch(
     triples.collect()
 }
 
-/// F of the fine surface for every pair, RGB.
+/// F of the fine surface for every pair, RGB, of the light that the level holds.
 fn fine_sums(
-    fine: &FineSurface,
+    reference: &Reference<'_>,
     tracer: &HeightTracer<'_>,
     sampling: &PatchSampling,
     directions: &[Vec3],
     pairs: &[[usize; 2]],
 ) -> Vec<[f64; 3]> {
+    let fine = reference.fine;
     let width = fine.heights.size()[0];
+    let reflector = BaseReflector { brdf: &fine.brdf, color: fine.color.as_deref(), width };
+    let paths = Stream::new(sampling.seed, PATHS + sampling.patch);
     let mut sums = vec![[0.0; 3]; pairs.len()];
     for_each_point(tracer, sampling, directions, |point| {
         let [u, v] = point.point.cell;
@@ -140,6 +147,16 @@ fn fine_sums(
             if point.sees(i) && point.sees(o) {
                 let s = base_scatter(&brdf, point.normal, directions[i], directions[o]);
                 (0..3).for_each(|c| sum[c] += f64::from(s[c]));
+            }
+        }
+        if reference.light == Light::Direct {
+            return;
+        }
+        let path = bounce(tracer, &reflector, point, directions, paths.at((point.stratum as u64) << 20));
+        if let Some(path) = path {
+            for (sum, &[i, o]) in sums.iter_mut().zip(pairs) {
+                let reflected = path.reflected(i, o);
+                (0..3).for_each(|c| sum[c] += reflected[c]);
             }
         }
     });

@@ -145,6 +145,7 @@ fn build_level(
     let reference = Reference {
         fine: &input.fine,
         bsdf: &decoded.bsdf,
+        light: decoded.light,
         size: decoded.size,
         boundary: decoded.boundary,
         on_node,

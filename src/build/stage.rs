@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::manifest::{CameraSpec, Displacement, LightSpec, Projection};
 use super::models::{Model, ModelData};
-use super::{Input, ScenePlan, SurfaceSpec, input};
+use super::{Input, ScenePlan, SurfaceSpec, encode, input};
 use crate::geometry::{Boundary, HeightField, LargeShape};
 use crate::io::environment::decode_environment;
 use crate::io::heights::decode_heights;
@@ -15,12 +15,14 @@ use crate::io::{Error, SourceFile};
 use crate::prefilter::surface::coarse_cells;
 use crate::transport::camera::{self, Camera};
 use crate::transport::light::{AreaLight, ConstantLight, DirectionalLight, ImageLight, Light, Lights};
+use crate::transport::render::Integrator;
 use crate::transport::scene::Scene;
 
 /// What a scene is made of; [`Stage::scene`] lends it to the renderer.
 #[derive(Debug)]
 pub struct Stage {
     model: ModelData,
+    light: formats::asset::Light,
     camera: Camera,
     lights: Lights,
     tiles: [u32; 2],
@@ -60,7 +62,7 @@ impl Stage {
         let spec = plan.surfaces.iter().find(|spec| spec.name == object.surface);
         let spec = spec.ok_or_else(|| senseless("names a surface that the manifest does not have"))?;
         let mut warnings = Vec::new();
-        let model = read_model(spec, &plan.folder, model, out, &mut warnings)?;
+        let (model, light) = read_model(spec, &plan.folder, model, out, &mut warnings)?;
         let extent = [0, 1].map(|k| spec.size[k] * f64::from(object.tiling[k]));
         let large = match &object.displacement {
             None => None,
@@ -70,7 +72,7 @@ impl Stage {
             plan.scene.lights.iter().map(|light| read_light(light, &plan.folder, &mut warnings)).collect();
         let camera = camera(&plan.scene.camera, plan.scene.film)
             .ok_or_else(|| senseless("the camera looks nowhere; wanted another `target` or `up`"))?;
-        let stage = Self { model, camera, lights: Lights::new(lights?), tiles: object.tiling, large, warnings };
+        let stage = Self { model, light, camera, lights: Lights::new(lights?), tiles: object.tiling, large, warnings };
         let is_parallel = matches!(plan.scene.camera.projection, Projection::Orthographic { .. });
         if !is_parallel && !stage.scene().camera_is_outside() {
             return Err(senseless("the camera is inside the surface; wanted a `position` above it"));
@@ -81,6 +83,11 @@ impl Stage {
     /// The model of the surface.
     pub fn model(&self) -> &ModelData {
         &self.model
+    }
+
+    /// The integrator that shows the light which the surface's asset stands for.
+    pub fn integrator(&self) -> Integrator {
+        self.model.integrator(self.light)
     }
 
     /// Columns and rows of the film.
@@ -98,14 +105,14 @@ impl Stage {
     }
 }
 
-/// The model of a surface, from its source or its asset.
+/// The model of a surface, from its source or its asset, and the light that its levels hold.
 fn read_model(
     spec: &SurfaceSpec,
     folder: &Path,
     model: Model,
     out: &Path,
     warnings: &mut Vec<String>,
-) -> Result<ModelData, StageError> {
+) -> Result<(ModelData, formats::asset::Light), StageError> {
     let source = |warnings: &mut Vec<String>| -> Result<Input, StageError> {
         let input = input::read(spec, folder).map_err(|error| StageError::Unreadable(error.to_string()))?;
         warnings.extend(input.warnings.iter().map(|text| format!("surface `{}`: {text}", spec.name)));
@@ -115,15 +122,20 @@ fn read_model(
         let size = input.fine.heights.size();
         spec.levels.iter().map(|level| coarse_cells(size, level.factor)).collect()
     };
+    let wanted = encode::light(spec.light());
     Ok(match model {
-        Model::Full => ModelData::full(&source(warnings)?),
+        Model::Full => (ModelData::full(&source(warnings)?), wanted),
         Model::Naive | Model::Leadr => {
             let input = source(warnings)?;
             let cells = cells(&input);
-            if model == Model::Naive { ModelData::naive(&input, &cells) } else { ModelData::leadr(&input, &cells) }
+            let data = if model == Model::Naive { ModelData::naive } else { ModelData::leadr };
+            (data(&input, &cells), wanted)
         }
-        Model::Farfield => ModelData::farfield(read_asset(&spec.name, out)?.0),
-        Model::Lobes => ModelData::lobes(&read_asset(&spec.name, out)?.0),
+        Model::Farfield | Model::Lobes => {
+            let asset = read_asset(&spec.name, out)?.0;
+            let light = asset.light;
+            (if model == Model::Farfield { ModelData::farfield(asset) } else { ModelData::lobes(&asset) }, light)
+        }
     })
 }
 

@@ -84,14 +84,17 @@ fn settings(args: &RenderArgs, stage: &Stage) -> Result<RenderSettings, String> 
             )
         }
     };
+    let fitting = stage.integrator();
     let integrator = match args.integrator {
-        None | Some(Integrator::Direct) => renderer::Integrator::Direct,
+        None => fitting,
+        Some(Integrator::Direct) => renderer::Integrator::Direct,
         Some(Integrator::Path) => renderer::Integrator::Path,
     };
-    if integrator == renderer::Integrator::Path && matches!(args.model, Model::Farfield | Model::Lobes) {
+    if integrator != fitting && matches!(args.model, Model::Farfield | Model::Lobes) {
+        let [found, wanted] = [integrator, fitting].map(integrator_name);
         complain(
             "warning",
-            "`--integrator path` with an asset of `light` `direct`: its tables hold direct light alone; wanted `direct`",
+            &format!("`--integrator {found}` does not fit the `light` of the asset; wanted `{wanted}`, the default"),
         );
     }
     Ok(RenderSettings { integrator, lod, seed: args.seed, sampling: Sampling::Sobol })
@@ -147,6 +150,14 @@ fn write(args: &RenderArgs, film: &Film, settings: &RenderSettings) -> Result<()
     Ok(())
 }
 
+/// An integrator as the command line calls it.
+fn integrator_name(integrator: renderer::Integrator) -> &'static str {
+    match integrator {
+        renderer::Integrator::Direct => "direct",
+        renderer::Integrator::Path => "path",
+    }
+}
+
 /// Radiance, variance and sample count, with what they are of.
 fn exr(args: &RenderArgs, film: &Film, settings: &RenderSettings, rgb: &[[f32; 3]]) -> ExrImage {
     let variance = film.variance();
@@ -157,10 +168,7 @@ fn exr(args: &RenderArgs, film: &Film, settings: &RenderSettings, rgb: &[[f32; 3
         channels.push((format!("variance.{name}"), plane(&variance, channel)));
     }
     channels.push(("samples".into(), vec![film.samples() as f32; rgb.len()]));
-    let integrator = match settings.integrator {
-        renderer::Integrator::Direct => "direct",
-        renderer::Integrator::Path => "path",
-    };
+    let integrator = integrator_name(settings.integrator);
     let lod = match args.lod {
         Lod::Auto => "auto".to_string(),
         Lod::Level(index) => index.to_string(),

@@ -3,6 +3,7 @@
 //! [`effective`] samples points of a patch and what they see; F and A of either surface are sums over these points.
 //! Every mean travels with its variance and count as an [`Estimate`]. [`light`] holds what illuminates a scene.
 
+pub mod bounces;
 pub mod camera;
 pub mod effective;
 mod estimate;

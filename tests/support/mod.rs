@@ -8,7 +8,7 @@ use farfield::build::level_error::{Reference, measure};
 use farfield::geometry::{Boundary, HeightField, SurfacePoint};
 use farfield::material::{Brdf, Conductor};
 use farfield::math::rng::Stream;
-use farfield::prefilter::surface::{CoarseLevel, FineSurface, LevelSettings, compile};
+use farfield::prefilter::surface::{CoarseLevel, FineSurface, LevelSettings, LightTransport, compile};
 use formats::asset::{LevelError, Light, Source, SurfaceAsset, SurfaceLevel};
 use formats::lookup;
 use glam::Vec3;
@@ -106,7 +106,7 @@ pub(crate) fn centre(i: usize, j: usize) -> SurfacePoint {
 
 /// The default tables with a factor.
 pub(crate) fn at(factor: f32) -> LevelSettings {
-    LevelSettings { factor, patches: 4, directions: 15, rank: 1, lobes: None, seed: 1 }
+    LevelSettings { factor, patches: 4, directions: 15, rank: 1, lobes: None, light: LightTransport::Direct, seed: 1 }
 }
 
 /// A level as the compiler gives it.
@@ -140,7 +140,14 @@ pub(crate) fn through_bytes(fine: &FineSurface, coarse: CoarseLevel) -> SurfaceA
 
 /// The measured error of the first level of `asset`.
 pub(crate) fn measured(fine: &FineSurface, asset: &SurfaceAsset, seed: u64) -> LevelError {
-    let reference =
-        Reference { fine, bsdf: &asset.bsdf, size: asset.size, boundary: asset.boundary, on_node: 0.0, seed };
+    let reference = Reference {
+        fine,
+        bsdf: &asset.bsdf,
+        light: asset.light,
+        size: asset.size,
+        boundary: asset.boundary,
+        on_node: 0.0,
+        seed,
+    };
     measure(&reference, &asset.levels[0])
 }

@@ -76,6 +76,18 @@ pub struct SurfaceAsset {
 pub enum Light {
     /// Shadowing and masking of direct light.
     Direct,
+    /// Light reflected within the surface as well: the level under direct light is the original under all light.
+    Baked,
+}
+
+impl Light {
+    /// As asset.json calls it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Direct => "direct",
+            Self::Baked => "baked",
+        }
+    }
 }
 
 /// The height map behind an asset.

@@ -6,7 +6,7 @@ use super::fields::{Fields, numbers};
 use super::{ERROR_WANTED, bsdf, is_error};
 use crate::geometry::Boundary;
 use crate::material::Brdf;
-use crate::prefilter::surface::LevelSettings;
+use crate::prefilter::surface::{LevelSettings, LightTransport};
 
 /// A surface to build, as its manifest describes it.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,7 +73,7 @@ pub(super) fn read(name: &str, mut fields: Fields<'_, '_, '_, '_>, default_error
     let boundary = fields.value("boundary", "`\"repeat\"` or `\"clamp\"`", read_boundary);
     let brdf = fields.table("bsdf", bsdf::read).flatten();
     let color = fields.text("color", "the path of an image");
-    read_light(&mut fields);
+    let light = read_light(&mut fields);
     let detrend = fields.flag("detrend");
     let dequantize = fields.flag("dequantize");
     let error = fields.number("error", ERROR_WANTED, is_error).unwrap_or(default_error);
@@ -93,9 +93,16 @@ pub(super) fn read(name: &str, mut fields: Fields<'_, '_, '_, '_>, default_error
         color,
         detrend,
         dequantize,
-        levels: factors?.into_iter().map(|factor| LevelSettings { factor: factor as f32, ..tables }).collect(),
+        levels: factors?.into_iter().map(|factor| LevelSettings { factor: factor as f32, light, ..tables }).collect(),
         error,
     })
+}
+
+impl SurfaceSpec {
+    /// The light that its levels hold.
+    pub fn light(&self) -> LightTransport {
+        self.levels.first().map_or(LightTransport::Direct, |level| level.light)
+    }
 }
 
 /// Whether a `[surface.NAME]` asks for `clamp`, whatever else is wrong with it.
@@ -112,15 +119,18 @@ fn read_boundary(value: &DeValue<'_>) -> Option<Boundary> {
     }
 }
 
-/// Refuses every `light` but `direct`, in words that fit.
-fn read_light(fields: &mut Fields<'_, '_, '_, '_>) {
-    match fields.text("light", "`\"direct\"`").as_deref() {
-        None | Some("direct") => {}
-        Some(light @ ("baked" | "global")) => {
-            fields.mistake("light", format!("`light` `{light}` is not supported in this version; wanted `\"direct\"`"));
+/// The light that the levels hold.
+fn read_light(fields: &mut Fields<'_, '_, '_, '_>) -> LightTransport {
+    const WANTED: &str = "`\"direct\"` or `\"baked\"`";
+    match fields.text("light", WANTED).as_deref() {
+        None | Some("direct") => return LightTransport::Direct,
+        Some("baked") => return LightTransport::Baked,
+        Some("global") => {
+            fields.mistake("light", format!("`light` `global` is not supported in this version; wanted {WANTED}"));
         }
-        Some(light) => fields.mistake("light", format!("`light` is `\"{light}\"`; wanted `\"direct\"`")),
+        Some(light) => fields.mistake("light", format!("`light` is `\"{light}\"`; wanted {WANTED}")),
     }
+    LightTransport::Direct
 }
 
 /// The factors of `levels`.
@@ -151,5 +161,13 @@ fn read_tables(fields: &mut Fields<'_, '_, '_, '_>) -> LevelSettings {
         None => super::fields::integer(value).filter(|n| (1..=8).contains(n)).map(|n| Some(n as usize)),
     });
     let seed = fields.integer("seed", [0, i64::MAX as u64]).unwrap_or(0);
-    LevelSettings { factor: 1.0, patches, directions, rank, lobes: lobes.flatten(), seed }
+    LevelSettings {
+        factor: 1.0,
+        patches,
+        directions,
+        rank,
+        lobes: lobes.flatten(),
+        light: LightTransport::Direct,
+        seed,
+    }
 }

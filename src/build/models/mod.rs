@@ -9,7 +9,7 @@ mod leadr;
 mod lobes;
 mod naive;
 
-use formats::asset::SurfaceAsset;
+use formats::asset::{Light, SurfaceAsset};
 use formats::level_brdf::LevelBrdf;
 use serde::Serialize;
 
@@ -17,6 +17,7 @@ use super::Input;
 use crate::geometry::{DisplacedPlane, HeightField, HeightTracer, LargeShape};
 use crate::material::{Brdf, SlopeMoments};
 use crate::prefilter::surface::FineSurface;
+use crate::transport::render::Integrator;
 use crate::transport::scene::{RenderLevel, SurfaceObject};
 use crate::transport::shading::Shading;
 
@@ -125,6 +126,16 @@ impl ModelData {
     /// How many levels there are.
     pub fn level_count(&self) -> usize {
         self.levels.len()
+    }
+
+    /// The integrator that shows the light which an asset of this `light` stands for.
+    ///
+    /// What holds interreflection already is rendered with direct light, everything else follows it if the asset has it.
+    pub fn integrator(&self, light: Light) -> Integrator {
+        match light {
+            Light::Baked if self.model != Model::Farfield => Integrator::Path,
+            Light::Direct | Light::Baked => Integrator::Direct,
+        }
     }
 
     /// The surface as `tiles[0] × tiles[1]` tiles, on `large` if there is one.

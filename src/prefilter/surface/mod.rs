@@ -5,6 +5,7 @@ pub mod coarse;
 pub mod downsample;
 pub mod fine;
 pub mod fit;
+mod interreflection;
 pub mod lobes;
 pub mod published;
 pub mod reflectance;
@@ -16,7 +17,9 @@ pub use downsample::coarse_cells;
 use crate::geometry::{Boundary, HeightField};
 use crate::material::{Brdf, ggx_gaussians};
 use coarse::{CoarseSurface, coarse_reflectance};
+use fine::SortedSurface;
 use fit::{deconvolve, fit_scaling, full_table};
+use interreflection::add_interreflection;
 use reflectance::{PatchReflectance, TableDirections};
 
 /// A fine surface: what is prefiltered.
@@ -28,6 +31,15 @@ pub struct FineSurface {
     pub brdf: Brdf,
     /// Optional linear RGB factor of diffuse albedo and specular `f0` a texel, `[v][u]`, same size as `heights`.
     pub color: Option<Vec<[f32; 3]>>,
+}
+
+/// The light that a level's scaling holds; asset.json says which.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightTransport {
+    /// Shadowing and masking of direct light.
+    Direct,
+    /// Interreflection within the surface as well: the level under direct light is the original under all light.
+    Baked,
 }
 
 /// How one level is compiled.
@@ -43,7 +55,9 @@ pub struct LevelSettings {
     pub rank: usize,
     /// vMF lobes a cell, 1 to 8; `None` chooses from the error of the normal distribution.
     pub lobes: Option<usize>,
-    /// Seed of the error measurement.
+    /// The light that the scaling holds.
+    pub light: LightTransport,
+    /// Seed of the paths of interreflection and of the error measurement.
     pub seed: u64,
 }
 
@@ -81,10 +95,10 @@ pub struct CoarseLevel {
     pub warnings: Vec<String>,
 }
 
-/// Compiles one level for direct light (shadowing and masking).
+/// Compiles one level.
 ///
-/// The stages, named to `on_stage` as they begin: `downsample`, `lobes`, `group`, `visibility`, `fine`, `smooth`,
-/// `coarse`, `fit`.
+/// The stages, named to `on_stage` as they begin: `downsample`, `lobes`, `group`, `visibility`, `fine`, `interreflect`
+/// unless the light is direct, `smooth`, `coarse`, `fit`.
 pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn FnMut(&'static str)) -> CoarseLevel {
     on_stage("downsample");
     let heights = downsample::downsample(&fine.heights, settings.factor);
@@ -95,7 +109,7 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
     let base_color = fine.color.as_ref().map(|color| cell_colors(color, fine.heights.size(), cells));
     let patches = cells.map(|cells| settings.patches.clamp(1, cells));
     let directions = TableDirections::new(settings.directions);
-    let f_fine = fine::fine_reflectance(fine, patches, &directions, on_stage);
+    let (f_fine, noise) = reflectance(fine, patches, &directions, settings, on_stage);
     on_stage("smooth");
     let gaussians = fine.brdf.specular.map_or_else(Vec::new, |conductor| ggx_gaussians(conductor.alpha));
     let surface = CoarseSurface {
@@ -120,7 +134,8 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
         .find(|(factors, spatial)| spatial.len() == 1 || is_positive(spatial, &factors.angular))
         .expect("rank 1 is always accepted");
     let angular = factors.angular.iter().map(|s| full_table(s, directions.len())).collect();
-    let warnings = scaling_warning(&factors.angular, &f_fine, &directions).into_iter().collect();
+    let warnings = scaling_warning(&factors.angular, &f_fine, &directions).into_iter().chain(noise_warning(noise));
+    let warnings = warnings.collect();
     CoarseLevel {
         heights: smoothed,
         lobes,
@@ -131,6 +146,26 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
         angular,
         on_node: factors.on_node,
         warnings,
+    }
+}
+
+/// F of the fine surface on the table directions, of the light that `settings` ask for, and its noise: root mean square
+/// error of the map's mean over that of F, 0 for direct light.
+pub fn reflectance(
+    fine: &FineSurface,
+    patches: [usize; 2],
+    directions: &TableDirections,
+    settings: &LevelSettings,
+    on_stage: &mut dyn FnMut(&'static str),
+) -> (PatchReflectance, f64) {
+    let sorted = SortedSurface::new(fine, patches, directions, on_stage);
+    let direct = sorted.direct(directions, on_stage);
+    match settings.light {
+        LightTransport::Direct => (direct, 0.0),
+        LightTransport::Baked => {
+            on_stage("interreflect");
+            add_interreflection(fine, &sorted, &direct, patches, directions, settings.seed)
+        }
     }
 }
 
@@ -168,6 +203,16 @@ fn limit_weights(lobes: &mut [Vec<VmfLobe>]) {
 
 /// S above this where light matters means that f_c is far off: reported, not hidden.
 const LARGEST_SCALE: f32 = 64.0;
+
+/// Noise of interreflection that goes unmentioned: what narrow lobes are allowed, and half as much again.
+const UNMENTIONED_NOISE: f64 = 0.015;
+
+/// A line for the user if the paths of interreflection did not converge.
+fn noise_warning(noise: f64) -> Option<String> {
+    (noise > UNMENTIONED_NOISE).then(|| {
+        format!("interreflection is left with {:.1} % of noise: walls too steep, or a base too narrow", 100.0 * noise)
+    })
+}
 
 /// A line for the user if S exceeds [`LARGEST_SCALE`] at a pair that reflects more than 1 % of the mean.
 fn scaling_warning(angular: &[Vec<[f32; 3]>], fine: &PatchReflectance, directions: &TableDirections) -> Option<String> {

@@ -97,6 +97,13 @@ impl PatchReflectance {
     }
 }
 
+impl PatchReflectance {
+    /// [`Self::channel`], to be changed.
+    pub(super) fn channel_mut(&mut self, patch: usize, channel: usize) -> &mut [f32] {
+        &mut self.values[(patch * 3 + channel) * self.pairs..][..self.pairs]
+    }
+}
+
 /// The part of the base BRDF that a term belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {

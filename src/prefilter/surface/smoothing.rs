@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn a_linear_scaling_is_interpolated_without_error() {
-        let n = 5;
+        let n = 5_usize;
         let coarse = vec![[0.3; 3]; n.pow(4)];
         let linear = |k: usize| 0.3 * (1.0 + 0.1 * (k % n) as f64 + 0.2 * (k / n % n) as f64);
         let fine: Vec<[f64; 3]> = (0..n.pow(4)).map(|k| [linear(k); 3]).collect();
@@ -141,7 +141,7 @@ mod tests {
     #[test]
     fn a_bent_scaling_costs_what_its_second_difference_says() {
         // δ² = 2·bend along each of 4 axes, in the (n − 2)/n of the nodes that have two neighbours
-        let (n, bend) = (6, 1e-3);
+        let (n, bend) = (6_usize, 1e-3);
         let [fine, coarse] = tables(n, bend);
         let total: f64 = fine.iter().map(|f| f[0] * f[0]).sum();
         let inner = n.pow(4) as f64 * (n - 2) as f64 / n as f64;

@@ -12,7 +12,7 @@ use crate::report::metrics::Halves;
 use crate::report::summary::summaries;
 use crate::report::verification::{Case, Cost, LevelVerification, Light, Model, ModelResult, View};
 use crate::transport::film::Film;
-use crate::transport::render::{Integrator, RenderSettings, render};
+use crate::transport::render::{RenderSettings, render};
 use crate::transport::sampler::Sampling;
 use crate::transport::scene::{Lod, Scene};
 
@@ -135,8 +135,8 @@ impl LevelRun<'_> {
 
     pub(super) fn film(&self, scene: &Scene<'_>, data: &ModelData, seed: u64, samples: u32) -> Film {
         let place = if data.level_count() == 1 { 0 } else { self.place };
-        let settings =
-            RenderSettings { integrator: Integrator::Direct, lod: Lod::Fixed(place), seed, sampling: Sampling::Sobol };
+        let integrator = data.integrator(self.surface.asset.light);
+        let settings = RenderSettings { integrator, lod: Lod::Fixed(place), seed, sampling: Sampling::Sobol };
         let mut film = Film::new(scene.camera.size());
         render(scene, &settings, 0..u64::from(samples), &mut film);
         film

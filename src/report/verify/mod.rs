@@ -214,7 +214,7 @@ impl Surface {
         AssetVerification {
             name: self.name.clone(),
             asset_digest: self.asset_digest.clone(),
-            light: "direct".into(),
+            light: self.asset.light.name().into(),
             surface_settings: self.asset.settings.clone(),
             sources: self.sources.clone(),
             levels,

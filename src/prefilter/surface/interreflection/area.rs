@@ -1,0 +1,94 @@
+//! Texels of a patch by the area of their surface.
+
+use super::super::patch_of;
+use crate::geometry::HeightField;
+use glam::Vec3;
+use std::ops::Range;
+
+/// How the area of a patch is spread over its rows.
+pub(super) struct PatchArea {
+    columns: Range<usize>,
+    rows: Range<usize>,
+    /// Area of all rows up to and with each, in texels of the base.
+    cumulative: Vec<f64>,
+}
+
+impl PatchArea {
+    /// Of patch `patch` (row-major) of `patches`.
+    pub(super) fn new(heights: &HeightField, patches: [usize; 2], patch: usize) -> Self {
+        let size = heights.size();
+        let at = [patch % patches[0], patch / patches[0]];
+        let [columns, rows] = [0, 1].map(|axis| {
+            let own = |texel: usize| {
+                let mut place = [0; 2];
+                place[axis] = texel;
+                let patch = patch_of(place, size, patches);
+                (if axis == 0 { patch % patches[0] } else { patch / patches[0] }) == at[axis]
+            };
+            let from = (0..size[axis]).find(|&texel| own(texel)).unwrap_or(0);
+            from..(from..size[axis]).find(|&texel| !own(texel)).unwrap_or(size[axis])
+        });
+        let mut total = 0.0;
+        let cumulative = rows
+            .clone()
+            .map(|row| {
+                total += columns.clone().map(|column| texel_area(heights, column, row)).sum::<f64>();
+                total
+            })
+            .collect();
+        Self { columns, rows, cumulative }
+    }
+
+    /// Area per base area.
+    pub(super) fn mean(&self) -> f64 {
+        let texels = self.columns.len() * self.rows.len();
+        self.cumulative.last().map_or(1.0, |total| total / texels as f64)
+    }
+
+    /// The texel [u, v] at the fractions `x` of the area: along v over rows, along u within the row.
+    pub(super) fn texel(&self, heights: &HeightField, x: [f64; 2]) -> [usize; 2] {
+        let total = self.cumulative.last().copied().unwrap_or(0.0);
+        let place = self.cumulative.partition_point(|&area| area <= x[1] * total).min(self.rows.len() - 1);
+        let row = self.rows.start + place;
+        let before = if place == 0 { 0.0 } else { self.cumulative[place - 1] };
+        let mut rest = x[0] * (self.cumulative[place] - before);
+        let column = self.columns.clone().find(|&column| {
+            rest -= texel_area(heights, column, row);
+            rest < 0.0
+        });
+        [column.unwrap_or(self.columns.end - 1), row]
+    }
+}
+
+/// Area of a texel's surface per base area, by the normal at its centre.
+fn texel_area(heights: &HeightField, u: usize, v: usize) -> f64 {
+    let [x, y] = heights.slope(u, v, 0.5, 0.5);
+    f64::from(Vec3::new(x, y, 1.0).length())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Boundary;
+
+    #[test]
+    fn texels_are_drawn_by_their_area() {
+        // a ramp of slope 3 in one column of a flat map, in the second of 2 × 1 patches
+        let heights: Vec<f32> = (0..64).map(|k| if k % 8 == 6 { 3.0 } else { 0.0 }).collect();
+        let heights = HeightField::new(heights, [8, 8], [1.0; 2], Boundary::Repeat);
+        let area = PatchArea::new(&heights, [2, 1], 1);
+        let steep = 10_f64.sqrt();
+        assert!((area.mean() - (2.0 * steep + 2.0) / 4.0).abs() < 1e-6);
+        let n = 400;
+        let mut columns = [0.0; 8];
+        for k in 0..n * n {
+            let x = [k % n, k / n].map(|k| (k as f64 + 0.5) / n as f64);
+            columns[area.texel(&heights, x)[0]] += 1.0 / (n * n) as f64;
+        }
+        let total = 2.0 * steep + 2.0;
+        for (column, expected) in [(3, 0.0), (4, 1.0 / total), (5, steep / total), (6, steep / total), (7, 1.0 / total)]
+        {
+            assert!((columns[column] - expected).abs() < 0.005, "{columns:?}");
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! Light reflected more than once: F of the compiler, F by exact paths, the renderer, and the white furnace.
+
+mod support;
+
+use farfield::build::{Input, ModelData};
+use farfield::geometry::{Boundary, HeightField, HeightTracer};
+use farfield::material::{Brdf, Conductor};
+use farfield::math::rng::Stream;
+use farfield::prefilter::surface::reflectance::{PatchReflectance, TableDirections, pair};
+use farfield::prefilter::surface::{FineSurface, LevelSettings, LightTransport, reflectance};
+use farfield::transport::bounces::{BaseReflector, bounce};
+use farfield::transport::camera::{Camera, Projection};
+use farfield::transport::effective::{base_scatter, for_each_point};
+use farfield::transport::film::Film;
+use farfield::transport::light::{DirectionalLight, Light, Lights};
+use farfield::transport::render::{Integrator, RenderSettings, render};
+use farfield::transport::sampler::Sampling;
+use farfield::transport::scene::{Lod, Scene};
+use farfield::transport::{Accumulator, Estimate, PatchSampling};
+use glam::{DVec3, Vec3};
+use support::{COS_75, at, compiled, diffuse, field, fixture, measured, through_bytes, towards, waves};
+
+/// Diffuse and glossy, coloured: three channels that differ.
+const COLOURED: Brdf = Brdf { diffuse: [0.5, 0.3, 0.1], specular: Some(Conductor::ggx(0.3, [0.8, 0.5, 0.2])) };
+
+fn baked() -> LevelSettings {
+    LevelSettings { light: LightTransport::Baked, ..at(8.0) }
+}
+
+/// F of the whole map on the table directions.
+fn table(fine: &FineSurface, settings: &LevelSettings, directions: &TableDirections) -> PatchReflectance {
+    reflectance(fine, [1, 1], directions, settings, &mut |_| ()).0
+}
+
+/// F of the whole map for a pair of directions, all light, by exact ray casts.
+fn exact(fine: &FineSurface, [wi, wo]: [Vec3; 2], strata: usize) -> [Estimate; 3] {
+    let tracer = HeightTracer::new(&fine.heights);
+    let sampling = PatchSampling::of_grid([1, 1], 0, strata, 5);
+    let reflector = BaseReflector { brdf: &fine.brdf, color: None, width: fine.heights.size()[0] };
+    let paths = Stream::new(5, 77);
+    let mut sums = [Accumulator::default(); 3];
+    for_each_point(&tracer, &sampling, &[wi, wo], |point| {
+        let mut value = [0.0; 3];
+        if point.sees(0) && point.sees(1) {
+            value = base_scatter(&fine.brdf, point.normal, wi, wo).map(f64::from);
+        }
+        if let Some(path) = bounce(&tracer, &reflector, point, &[wi, wo], paths.at((point.stratum as u64) << 20)) {
+            let reflected = path.reflected(0, 1);
+            (0..3).for_each(|c| value[c] += reflected[c]);
+        }
+        (0..3).for_each(|c| sums[c].add(value[c]));
+    });
+    sums.map(|sum| sum.estimate())
+}
+
+/// Hills of 128² with slopes up to 2.
+fn hills() -> HeightField {
+    field([128, 128], [1.0; 2], Boundary::Repeat, waves([128, 128], 16.0, 3.0, 6))
+}
+
+#[test]
+fn the_compilers_f_is_that_of_exact_paths() {
+    let fine = FineSurface { heights: hills(), brdf: COLOURED, color: None };
+    let directions = TableDirections::new(15);
+    let f = table(&fine, &baked(), &directions);
+    let stream = Stream::new(3, 3);
+    let mut squares = [0.0; 2];
+    for k in 0..24 {
+        let [i, o] = [0, 1].map(|d| (stream.uniform(2 * k + d) * 225.0) as usize);
+        let [wi, wo] = [i, o].map(|d| Vec3::from(directions.vectors[d]));
+        if wi.z < COS_75 || wo.z < COS_75 {
+            continue;
+        }
+        let expected = exact(&fine, [wi, wo], 256);
+        for c in 0..3 {
+            let found = f64::from(f.channel(0, c)[pair(i.max(o), i.min(o))]);
+            squares[0] += (found - expected[c].mean).powi(2) - expected[c].variance;
+            squares[1] += expected[c].mean.powi(2);
+        }
+    }
+    // visibility by bits, bins of normals, and 0.3 % of noise on the table's side
+    let error = (squares[0].max(0.0) / squares[1]).sqrt();
+    println!("root mean square over pairs: {:.2} %", 100.0 * error);
+    assert!(error < 0.01, "{error}");
+}
+
+#[test]
+fn exact_paths_reflect_what_the_renderer_shows() {
+    let fine = FineSurface { heights: hills(), brdf: COLOURED, color: None };
+    let extent = fine.heights.extent().map(f64::from);
+    let [wi, wo] = [towards(0.9, 2.0), towards(60_f32.to_radians(), 0.0)];
+    let f = exact(&fine, [wi, wo], 768);
+    // world: x, height, −y. The film covers four whole tiles along either side: 60° halve its height.
+    let world = |w: Vec3| DVec3::new(f64::from(w.x), f64::from(w.z), f64::from(-w.y));
+    let projection = Projection::Orthographic { width: 4.0 * extent[1] };
+    let camera = Camera::look_at(world(wo) * 2000.0, DVec3::ZERO, DVec3::Y, projection, [128, 64]).expect("a view");
+    let light = DirectionalLight { direction: world(wi).as_vec3(), irradiance: [1.0; 3] };
+    let input = Input { fine, height_digest: "0".repeat(64), color_digest: None, warnings: Vec::new() };
+    let data = ModelData::full(&input);
+    let scene =
+        Scene { camera, lights: Lights::new(vec![Light::Directional(light)]), surface: data.object([40, 40], None) };
+    let settings =
+        RenderSettings { integrator: Integrator::Path, lod: Lod::Fixed(0), seed: 4, sampling: Sampling::Independent };
+    let mut film = Film::new(scene.camera.size());
+    render(&scene, &settings, 0..128, &mut film);
+    let (radiance, variance) = (film.radiance(), film.variance());
+    let n = radiance.len() as f64;
+    for c in 0..3 {
+        let mean = radiance.iter().map(|rgb| f64::from(rgb[c])).sum::<f64>() / n;
+        let squared = variance.iter().map(|rgb| f64::from(rgb[c])).sum::<f64>() / (n * n);
+        // F = A·L with A = cos θo, whatever the relief
+        let (cos, deviation) = (f64::from(wo.z), (squared * f64::from(wo.z).powi(2) + f[c].variance).sqrt());
+        let z = (mean * cos - f[c].mean) / deviation;
+        println!("channel {c}: renderer {:.5}, exact {:.5}, z {z:+.2}", mean * cos, f[c].mean);
+        assert!(z.abs() < 4.0, "channel {c}: {} and {:?}", mean * cos, f[c]);
+    }
+}
+
+/// Effective albedo of the map towards the direction `o`: ∫ F dωi over cos θo, the quadrature normalised by the plane's.
+fn albedo(f: &PatchReflectance, directions: &TableDirections, o: usize) -> f64 {
+    let sum: f64 = (0..directions.len()).map(|i| f64::from(f.channel(0, 0)[pair(i.max(o), i.min(o))])).sum();
+    let plane: f64 = directions.vectors.iter().map(|w| f64::from(w[2])).sum();
+    sum * std::f64::consts::PI / plane / f64::from(directions.vectors[o][2])
+}
+
+#[test]
+fn a_white_surface_loses_no_light() {
+    let directions = TableDirections::new(15);
+    for (name, amplitude) in [("heights/twill", 24.415), ("heights/vgroove", 32.0), ("heights/bump", 28.0)] {
+        let fine = FineSurface { heights: fixture(name, amplitude), brdf: diffuse(1.0), color: None };
+        let all = table(&fine, &baked(), &directions);
+        let direct = table(&fine, &at(8.0), &directions);
+        let below: Vec<usize> = (0..225).filter(|&o| directions.vectors[o][2] > COS_75).collect();
+        let mean =
+            |f: &PatchReflectance| below.iter().map(|&o| albedo(f, &directions, o)).sum::<f64>() / below.len() as f64;
+        let [all, direct] = [mean(&all), mean(&direct)];
+        println!("{name}: effective albedo {all:.4}, of direct light alone {direct:.4}");
+        assert!(direct < 0.9, "{name}: direct light alone is not all: {direct}");
+        assert!((all - 1.0).abs() < 0.005, "{name}: {all}");
+    }
+}
+
+#[test]
+fn a_flat_surface_has_no_interreflection() {
+    let fine =
+        FineSurface { heights: field([32, 32], [1.0; 2], Boundary::Repeat, |_, _| 0.3), brdf: COLOURED, color: None };
+    let directions = TableDirections::new(7);
+    let [all, direct] = [baked(), at(8.0)].map(|settings| table(&fine, &settings, &directions));
+    for c in 0..3 {
+        assert_eq!(all.channel(0, c), direct.channel(0, c));
+    }
+}
+
+#[test]
+fn a_baked_level_reads_as_the_original_with_interreflection() {
+    let fine = FineSurface { heights: hills(), brdf: diffuse(0.8), color: None };
+    let mut asset = through_bytes(&fine, compiled(&fine, &LevelSettings { patches: 2, ..baked() }));
+    let as_direct = measured(&fine, &asset, 7);
+    asset.light = formats::asset::Light::Baked;
+    let error = measured(&fine, &asset, 7);
+    println!("ε {:?}, bias {:?}; judged as direct light {:?}", error.below_75, error.bias, as_direct.bias);
+    assert!(error.below_75.value < 0.04, "{:?}", error.below_75);
+    assert!(error.bias.value.abs() < 0.01 + 3.0 * error.bias.standard_error, "{:?}", error.bias);
+    // with an albedo of 0.8 a tenth and more of the light has been reflected before
+    assert!(as_direct.bias.value > 0.1, "{:?}", as_direct.bias);
+}
