@@ -72,10 +72,10 @@ fn the_compilers_f_is_that_of_exact_paths() {
             continue;
         }
         let expected = exact(&fine, [wi, wo], 256);
-        for c in 0..3 {
+        for (c, expected) in expected.iter().enumerate() {
             let found = f64::from(f.channel(0, c)[pair(i.max(o), i.min(o))]);
-            squares[0] += (found - expected[c].mean).powi(2) - expected[c].variance;
-            squares[1] += expected[c].mean.powi(2);
+            squares[0] += (found - expected.mean).powi(2) - expected.variance;
+            squares[1] += expected.mean.powi(2);
         }
     }
     // visibility by bits, bins of normals, and 0.3 % of noise on the table's side
