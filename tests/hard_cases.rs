@@ -2,7 +2,7 @@
 
 mod support;
 
-use farfield::build::encode::{decoded, surface_level};
+use farfield::build::encode::{self, decoded, surface_level};
 use farfield::geometry::{Boundary, HeightField};
 use farfield::material::{Brdf, Conductor};
 use farfield::math::rng::Stream;
@@ -108,7 +108,8 @@ fn run(case: &Case) {
     let files = asset(&case.fine, vec![surface_level(1, &case.fine.heights, coarse)])
         .encode()
         .unwrap_or_else(|error| panic!("{name}: {error}"));
-    let asset = decoded(&files).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let mut asset = decoded(&files).unwrap_or_else(|error| panic!("{name}: {error}"));
+    asset.light = encode::light(case.settings.light);
     expect_readable(case, &asset);
     let Some(bound) = case.epsilon else {
         println!("{name}: on the nodes {:.2} %", 100.0 * on_node);
@@ -210,6 +211,33 @@ fn grooves_of_two_colours_keep_their_colours() {
         Case::new("groove, all black", groove()).color(|_, _| [0.0; 3]),
         Case::new("groove, one bright texel", groove()).color(|i, j| [f32::from(u8::from([i, j] == [9, 9])); 3]),
     ]);
+}
+
+#[test]
+fn interreflection_survives_hard_surfaces() {
+    let groove = || map([64, 32], |i, _| (i as f32 % 16.0 - 8.0).abs());
+    let two = |i: usize, _: usize| if i % 16 < 8 { [1.0, 0.1, 0.0] } else { [0.0, 0.1, 1.0] };
+    let cliffs = || map([32, 32], |i, _| if i % 16 < 8 { 80.0 } else { 0.0 });
+    let spike = || map([32, 32], |i, j| if [i, j] == [9, 9] { 100.0 } else { 0.0 });
+    let checkers = || map([32, 32], |i, j| 2.0 * ((i + j) % 2) as f32);
+    let row = || field([1, 64], [1.0; 2], Boundary::Clamp, waves([1, 64], 8.0, 1.0, 6));
+    let rough = |amplitude| noise([32, 32], amplitude, Boundary::Repeat);
+    let cases = [
+        Case::new("baked: constant", map([32, 32], |_, _| 0.7)).base(diffuse(1.0)).within(1e-4),
+        Case::new("baked: groove of two colours", groove()).base(diffuse(0.9)).color(two).within(0.08),
+        Case::new("baked: black groove", groove()).base(diffuse(0.0)),
+        Case::new("baked: white cliffs", cliffs()).base(diffuse(1.0)),
+        Case::new("baked: glossy cliffs", cliffs()),
+        Case::new("baked: spike", spike()),
+        Case::new("baked: checkerboard", checkers()),
+        Case::new("baked: one row", row()).base(diffuse(0.8)).within(0.1),
+        Case::new("baked: one texel", map([1, 1], |_, _| 0.3)),
+        Case::new("baked: amplitude 1e-9", rough(1e-9)).within(0.01),
+        Case::new("baked: amplitude 1000", rough(1e3)),
+        Case::new("baked: GGX 0.02", rough(4.0)).base(ggx(0.02)),
+        Case::new("baked: GGX 1", rough(4.0)).base(ggx(1.0)),
+    ];
+    run_all(cases.map(|case| case.with(|s| s.light = LightTransport::Baked)));
 }
 
 #[test]

@@ -7,6 +7,8 @@ use farfield::transport::scene::{Lod, Scene};
 
 const TILES: u32 = 100;
 const PIXELS: usize = 48;
+/// Pixels on a large shape, where a sample costs more by far.
+const PIXELS_BI_SCALE: usize = 24;
 /// 8192 samples in all.
 const REFERENCE_HALF: u32 = 4096;
 const SAMPLES: [u32; 9] = [4, 8, 16, 32, 64, 128, 256, 512, 1024];
@@ -25,14 +27,29 @@ const FOOTPRINT: f64 = 200.0;
 /// The levels of the assets: one that is finer than a pixel by far, and a ladder from which the footprint chooses.
 const LADDERS: [&[u32]; 2] = [&[8, 16, 32, 64, 128], &[8]];
 
-/// Prints the table and the curves.
-pub(crate) fn run() {
-    LADDERS.iter().for_each(|factors| run_with(factors));
+/// A map with its base, and whether it lies on the large shape.
+type Case = (&'static str, &'static str, &'static str, bool);
+
+const CASES: [Case; 6] = [
+    ("twill", "GGX 0.3", GGX_03, false),
+    ("silk", "GGX 0.3", GGX_03, false),
+    ("bump", "diffuse", DIFFUSE, false),
+    ("fbm", "diffuse", DIFFUSE, false),
+    ("logo", "GGX 0.3, bi-scale", GGX_03, true),
+    ("relief", "diffuse", DIFFUSE, false),
+];
+
+/// Prints the table and the curves, of the scenes that are named or of all.
+pub(crate) fn run(words: &[String]) {
+    let is_named = |case: &&Case| words.iter().any(|word| word == case.0);
+    let named: Vec<Case> = CASES.iter().filter(is_named).copied().collect();
+    let cases = if named.is_empty() { CASES.to_vec() } else { named };
+    LADDERS.iter().for_each(|factors| run_with(factors, &cases));
 }
 
-fn run_with(factors: &[u32]) {
+fn run_with(factors: &[u32], cases: &[Case]) {
     println!(
-        "equal time: levels {factors:?}; {PIXELS}² pixels, 45°, area light, {TILES}² tiles, against {} samples",
+        "equal time: levels {factors:?}; {PIXELS}² pixels ({PIXELS_BI_SCALE}² bi-scale), 45°, area light, {TILES}² tiles, against {} samples",
         2 * REFERENCE_HALF
     );
     println!(
@@ -42,18 +59,13 @@ fn run_with(factors: &[u32]) {
     let large = large_shape();
     let mut ratios = Vec::new();
     let mut curves = Vec::new();
-    for (map, base, bsdf, large) in [
-        ("twill", "GGX 0.3", GGX_03, None),
-        ("silk", "GGX 0.3", GGX_03, None),
-        ("bump", "diffuse", DIFFUSE, None),
-        ("fbm", "diffuse", DIFFUSE, None),
-        ("logo", "GGX 0.3, bi-scale", GGX_03, Some(&large)),
-        ("relief", "diffuse", DIFFUSE, None),
-    ] {
+    for &(map, base, bsdf, bi_scale) in cases {
+        let large = bi_scale.then_some(&large);
+        let pixels = if bi_scale { PIXELS_BI_SCALE } else { PIXELS };
         let subject = Subject::new(map, bsdf, factors);
         let [full, level] = [subject.full(), subject.farfield()];
-        let width = PIXELS as f64 * FOOTPRINT * TEXEL;
-        let camera = parallel(45.0, FOOTPRINT, PIXELS);
+        let width = pixels as f64 * FOOTPRINT * TEXEL;
+        let camera = parallel(45.0, FOOTPRINT, pixels);
         let scene = |data| Scene { camera, lights: area_light(width), surface: data };
         let original = scene(full.object([TILES; 2], large));
         let coarse = scene(level.object([TILES; 2], large));
@@ -76,7 +88,7 @@ fn run_with(factors: &[u32]) {
         let same_time = (f64::from(SAMPLES[COMPARED]) * seconds[0] / seconds[1]).round().max(1.0) as u32;
         let [a, b] = [mse(&original, SAMPLES[COMPARED], 4), mse(&coarse, same_time, 4)];
         ratios.push(b / a);
-        let micro = seconds.map(|s| s / (PIXELS * PIXELS) as f64 * 1e6);
+        let micro = seconds.map(|s| s / (pixels * pixels) as f64 * 1e6);
         let texels = original.central_footprint().unwrap_or(f64::NAN);
         println!(
             "| {map} | {base} | {texels:.1} | {:.2} | {:.2} | {a:.2e} | {b:.2e} | {same_time} | {:.3} |",

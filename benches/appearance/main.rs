@@ -1,6 +1,6 @@
 //! What levels look like against the original: bias beside the baselines, error at equal time, near to far.
 //!
-//! `cargo bench --bench appearance -- bias | equal-time | near-far`; all three without a word. Maps of `fixtures/heights`,
+//! `cargo bench --bench appearance -- bias | equal-time [SCENE…] | near-far`; all three without a word. Maps of `fixtures/heights`,
 //! 1024², with the amplitudes of `heights.json`, 1 mm a texel.
 
 mod bias;
@@ -15,7 +15,7 @@ fn main() {
         bias::run();
     }
     if wanted("equal-time") {
-        equal_time::run();
+        equal_time::run(&words);
     }
     if wanted("near-far") {
         near_far::run();

@@ -221,7 +221,7 @@ fn absurd_documents_are_refused() {
         ("\"farfield\"", "\"nearfield\"", "`format`: wanted farfield, found nearfield"),
         ("\"version\": 1", "\"version\": 2", "`version`: wanted 1, found 2"),
         ("\"surface\"", "\"volume\"", "`kind`: wanted surface, found volume"),
-        ("\"direct\"", "\"baked\"", "unknown variant `baked`"),
+        ("\"direct\"", "\"moonlit\"", "unknown variant `moonlit`"),
         ("\"repeat\"", "\"mirror\"", "unknown variant `mirror`"),
         ("0.01,", "0.0,", "`size`[0] in metres"),
         ("0.01,", "1e999,", "number out of range"),

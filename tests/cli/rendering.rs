@@ -91,6 +91,29 @@ fn a_camera_inside_of_the_surface_is_refused() {
 }
 
 #[test]
+fn an_asset_with_interreflection_is_shown_by_direct_light_and_the_original_by_all() {
+    let project = project(&scene("[0.1, 0.2, 0.1]"));
+    let manifest = surface("waves", "waves.png") + "light = \"baked\"\n" + &scene("[0.1, 0.2, 0.1]");
+    project.write("farfield.toml", manifest.as_bytes());
+    assert_eq!(project.run(&["build", "-q"]).code, 0);
+    assert!(project.run(&["inspect", "lod/waves", "--json"]).stdout.contains("\"light\":\"baked\""));
+    let same = |model: &str, integrator: &str| {
+        assert_eq!(render(&project, "default.exr", &["--model", model]).code, 0);
+        let said = render(&project, "chosen.exr", &["--model", model, "--integrator", integrator]);
+        let [a, b] = ["default.exr", "chosen.exr"].map(|file| std::fs::read(project.path().join(file)).unwrap());
+        (a == b, said.stderr)
+    };
+    assert_eq!(same("farfield", "direct"), (true, String::new()));
+    assert_eq!(same("full", "path"), (true, String::new()));
+    let (equal, warning) = same("farfield", "path");
+    assert!(!equal);
+    assert_eq!(
+        warning,
+        "warning: `--integrator path` does not fit the `light` of the asset; wanted `direct`, the default\n"
+    );
+}
+
+#[test]
 fn a_level_that_is_not_there_is_refused() {
     let project = built();
     let said = render(&project, "a.exr", &["--lod", "3"]);

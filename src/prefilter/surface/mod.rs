@@ -204,8 +204,8 @@ fn limit_weights(lobes: &mut [Vec<VmfLobe>]) {
 /// S above this where light matters means that f_c is far off: reported, not hidden.
 const LARGEST_SCALE: f32 = 64.0;
 
-/// Noise of interreflection that goes unmentioned: what narrow lobes are allowed, and half as much again.
-const UNMENTIONED_NOISE: f64 = 0.015;
+/// Noise of interreflection that goes unmentioned: what narrow lobes are allowed, and a third as much again.
+const UNMENTIONED_NOISE: f64 = 0.02;
 
 /// A line for the user if the paths of interreflection did not converge.
 fn noise_warning(noise: f64) -> Option<String> {

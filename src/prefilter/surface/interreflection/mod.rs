@@ -35,9 +35,9 @@ use vectors::Vectors;
 
 /// Noise to reach: root mean square over pairs of the error of the map's mean, over that of F.
 ///
-/// About a tenth of the ε that the factors reach: narrow lobes are worse to interpolate, and to sample.
+/// A fifth of the ε that the factors reach, at most: narrow lobes are worse to interpolate, and to sample.
 fn tolerated_noise(brdf: &Brdf) -> f64 {
-    brdf.specular.map_or(0.002, |conductor| (0.001 / f64::from(conductor.alpha)).clamp(0.002, 0.01))
+    brdf.specular.map_or(0.002, |conductor| (0.0015 / f64::from(conductor.alpha)).clamp(0.002, 0.015))
 }
 
 /// Rays of a half in the first round, over all patches.
