@@ -14,6 +14,8 @@ pub struct LargeShape {
     heights: HeightField,
     /// Largest height of blocks of 2^l × 2^l cells, level by level from single cells to the one that covers all.
     maxima: Vec<Blocks>,
+    /// Smallest and largest height, metres: every ray asks for it.
+    range: [f64; 2],
 }
 
 /// The highest vertex of each block of one size, `[v][u]`.
@@ -66,7 +68,8 @@ impl LargeShape {
             height = height.div_ceil(2);
             maxima.push(coarser);
         }
-        Self { heights, maxima }
+        let range = heights.range().map(f64::from);
+        Self { heights, maxima, range }
     }
 
     /// Metres covered along x and −y.
@@ -76,7 +79,7 @@ impl LargeShape {
 
     /// Smallest and largest height in metres.
     pub fn range(&self) -> [f64; 2] {
-        self.heights.range().map(f64::from)
+        self.range
     }
 
     /// Bytes held.
