@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use formats::asset::{DOCUMENT, Light, Source, SurfaceAsset, SurfaceLevel};
+use formats::asset::{Alternative, DOCUMENT, Light, Source, SurfaceAsset, SurfaceLevel};
 use formats::{BaseBrdf, Boundary, Error, Lobe, Specular};
 use serde_json::json;
 
 use super::{Input, SurfaceSpec};
 use crate::geometry;
 use crate::material::{Brdf, ggx_gaussians};
-use crate::prefilter::surface::{CoarseLevel, LightTransport};
+use crate::prefilter::surface::{self, CoarseLevel, LightTransport};
 
 /// Raised when the compiler writes other bytes for the same input and settings.
 pub const SURFACE_VERSION: &str = "3";
@@ -51,7 +51,15 @@ pub fn surface_level(index: usize, fine: &geometry::HeightField, coarse: CoarseL
         angular: coarse.angular,
         error: None,
         limited_by: None,
+        alternatives: coarse.alternatives.into_iter().map(alternative).collect(),
     }
+}
+
+/// An alternative in the words of `formats`.
+fn alternative(considered: surface::Alternative) -> Alternative {
+    let surface::Alternative { sizes, error } = considered;
+    let surface::TableSizes { patches, directions, rank } = sizes;
+    Alternative { patches, directions, rank, error, bytes: sizes.bytes() }
 }
 
 /// The light in the words of `formats`.
@@ -118,7 +126,7 @@ fn settings(spec: &SurfaceSpec, input: &Input) -> serde_json::Value {
         "dequantize": spec.dequantize,
         "detrend": spec.detrend,
         "directions": tables.map(|t| t.directions),
-        "error": spec.error,
+        "error": spec.error(),
         "invert": spec.invert,
         "levels": spec.levels.iter().map(|level| level.factor).collect::<Vec<_>>(),
         "lobes": tables.and_then(|t| t.lobes),

@@ -56,7 +56,7 @@ impl Plan {
 
     /// The plan with another target for every surface.
     pub fn with_error(mut self, error: f64) -> Self {
-        self.surfaces.iter_mut().for_each(|surface| surface.error = error);
+        self.surfaces.iter_mut().flat_map(|surface| &mut surface.levels).for_each(|level| level.error = error);
         self
     }
 }

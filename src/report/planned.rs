@@ -14,15 +14,15 @@ pub fn planned(surface: &SurfaceSpec, out: &Path, as_json: bool) -> String {
     let mut text = String::new();
     for (i, level) in surface.levels.iter().enumerate() {
         let index = i + 1;
-        let [m, n, rank] = [level.patches, level.directions, level.rank];
         text += &if as_json {
             let line = json!({
-                "name": name, "level": index, "factor": level.factor, "M": m, "N": n, "rank": rank,
-                "lobes": level.lobes, "height": surface.height, "asset": asset.to_string(),
+                "name": name, "level": index, "factor": level.factor, "M": level.patches, "N": level.directions,
+                "rank": level.rank, "lobes": level.lobes, "height": surface.height, "asset": asset.to_string(),
             });
             format!("{line}\n")
         } else {
-            let lobes = level.lobes.map_or("auto".into(), |lobes| lobes.to_string());
+            let [m, n, rank, lobes] = [level.patches, level.directions, level.rank, level.lobes]
+                .map(|size| size.map_or("auto".into(), |size| size.to_string()));
             let factor = level.factor;
             format!(
                 "{name} level {index}: factor {factor}, {lobes} lobes, M {m}, N {n}, rank {rank}: {} -> {asset}\n",

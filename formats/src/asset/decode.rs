@@ -86,6 +86,7 @@ fn decode_level(level: &LevelDocument, fetch: &mut Fetch<'_>) -> Result<SurfaceL
         angular: Vec::new(),
         error: level.error,
         limited_by: level.limited_by.clone(),
+        alternatives: level.alternatives.clone(),
     };
     for (role, file) in files_of(level)? {
         let most = ktx2::max_file_length(role.format(), shape.size(role));

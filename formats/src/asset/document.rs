@@ -65,6 +65,8 @@ pub(super) struct LevelDocument {
     rank: usize,
     pub(super) error: Option<LevelError>,
     pub(super) limited_by: Option<String>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) alternatives: Vec<Alternative>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -200,6 +202,7 @@ impl LevelDocument {
             rank: level.spatial.len(),
             error: level.error,
             limited_by: level.limited_by.clone(),
+            alternatives: level.alternatives.clone(),
         }
     }
 
@@ -215,6 +218,8 @@ impl LevelDocument {
     }
 
     fn check(&self) -> Result<(), Fault> {
+        /// More than all that can be combined.
+        const MAX_ALTERNATIVES: usize = 256;
         /// No error figure is larger, whatever was compiled.
         const MAX_FIGURE: f64 = 1e30;
         let key = |name: &str| format!("level {}, `{name}`", self.index);
@@ -230,6 +235,10 @@ impl LevelDocument {
         for (name, figure) in self.error.iter().flat_map(LevelError::figures) {
             within(key(name), figure.value, -MAX_FIGURE, MAX_FIGURE)?;
             within(key(name), figure.standard_error, 0.0, MAX_FIGURE)?;
+        }
+        within(key("alternatives"), self.alternatives.len(), 0, MAX_ALTERNATIVES)?;
+        for alternative in &self.alternatives {
+            within(key("error of an alternative"), alternative.error, 0.0, MAX_FIGURE)?;
         }
         Ok(())
     }

@@ -128,6 +128,26 @@ pub struct SurfaceLevel {
     pub error: Option<LevelError>,
     /// What kept the level from its target, if anything.
     pub limited_by: Option<String>,
+    /// What other sizes of T and S would have given, where these were chosen by their error.
+    pub alternatives: Vec<Alternative>,
+}
+
+/// Sizes of T and S that were considered.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Alternative {
+    /// Patches of T along u and v.
+    #[serde(rename = "M")]
+    pub patches: [usize; 2],
+    /// Direction cells of S per axis.
+    #[serde(rename = "N")]
+    pub directions: usize,
+    /// Terms of the scaling.
+    pub rank: usize,
+    /// Predicted relative root mean square error of F under direct light, both directions below 75°, over one grid of
+    /// patches for all alternatives.
+    pub error: f64,
+    /// Bytes of T and S before compression.
+    pub bytes: u64,
 }
 
 /// The error of a level as measured through its own bytes.

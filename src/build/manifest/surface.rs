@@ -37,8 +37,6 @@ pub struct SurfaceSpec {
     pub dequantize: bool,
     /// How each level is compiled, finest first.
     pub levels: Vec<LevelSettings>,
-    /// ε below 75° that is aimed at.
-    pub error: f64,
 }
 
 /// The largest factor: nothing is left of the largest map.
@@ -46,10 +44,6 @@ const MAX_FACTOR: f64 = 16384.0;
 
 /// The most levels that an asset holds.
 const MAX_LEVELS: usize = formats::asset::MAX_LEVELS;
-
-/// Sizes of the tables where the manifest names none: T of 4 × 4 patches, S over 15 × 15 directions, rank 1. Tried on
-/// woven cloth, reliefs and noise at 8×: 1 to 2 % error off the nodes; finer ones gain less than they weigh.
-const DEFAULT_TABLES: [u64; 3] = [4, 15, 1];
 
 /// Reads the surface `name`; `None` where something is missing or wrong, which is then noted.
 pub(super) fn read(name: &str, mut fields: Fields<'_, '_, '_, '_>, default_error: f64) -> Option<SurfaceSpec> {
@@ -93,12 +87,19 @@ pub(super) fn read(name: &str, mut fields: Fields<'_, '_, '_, '_>, default_error
         color,
         detrend,
         dequantize,
-        levels: factors?.into_iter().map(|factor| LevelSettings { factor: factor as f32, light, ..tables }).collect(),
-        error,
+        levels: factors?
+            .into_iter()
+            .map(|factor| LevelSettings { factor: factor as f32, light, error, ..tables })
+            .collect(),
     })
 }
 
 impl SurfaceSpec {
+    /// ε below 75° that its levels aim at.
+    pub fn error(&self) -> f64 {
+        self.levels.first().map_or(0.0, |level| level.error)
+    }
+
     /// The light that its levels hold.
     pub fn light(&self) -> LightTransport {
         self.levels.first().map_or(LightTransport::Direct, |level| level.light)
@@ -151,23 +152,21 @@ fn read_factors(fields: &mut Fields<'_, '_, '_, '_>, wanted: &str) -> Option<Vec
 
 /// What all levels share: the sizes of their tables.
 fn read_tables(fields: &mut Fields<'_, '_, '_, '_>) -> LevelSettings {
-    let [patches, directions, rank] = DEFAULT_TABLES;
-    let patches = fields.integer("patches", [1, 64]).unwrap_or(patches) as usize;
-    let directions = fields.integer("directions", [5, 25]).unwrap_or(directions) as usize;
-    let rank = fields.integer("rank", [1, 3]).unwrap_or(rank) as usize;
-    let lobes = fields.value("lobes", "`\"auto\"` or an integer from 1 to 8", |value| match value.as_str() {
+    let patches = auto_or_integer(fields, "patches", [1, 64]);
+    let directions = auto_or_integer(fields, "directions", [5, 25]);
+    let rank = auto_or_integer(fields, "rank", [1, 3]);
+    let lobes = auto_or_integer(fields, "lobes", [1, 8]);
+    let seed = fields.integer("seed", [0, i64::MAX as u64]).unwrap_or(0);
+    LevelSettings { factor: 1.0, patches, directions, rank, lobes, light: LightTransport::Direct, error: 0.0, seed }
+}
+
+/// An integer from `min` to `max`; `None` where it is `auto` or not given.
+fn auto_or_integer(fields: &mut Fields<'_, '_, '_, '_>, key: &'static str, [min, max]: [u64; 2]) -> Option<usize> {
+    let wanted = format!("`\"auto\"` or an integer from {min} to {max}");
+    let read = fields.value(key, &wanted, |value| match value.as_str() {
         Some("auto") => Some(None),
         Some(_) => None,
-        None => super::fields::integer(value).filter(|n| (1..=8).contains(n)).map(|n| Some(n as usize)),
+        None => super::fields::integer(value).filter(|n| (min..=max).contains(n)).map(|n| Some(n as usize)),
     });
-    let seed = fields.integer("seed", [0, i64::MAX as u64]).unwrap_or(0);
-    LevelSettings {
-        factor: 1.0,
-        patches,
-        directions,
-        rank,
-        lobes: lobes.flatten(),
-        light: LightTransport::Direct,
-        seed,
-    }
+    read.flatten()
 }

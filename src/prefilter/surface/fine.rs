@@ -50,7 +50,7 @@ impl<'a> SortedSurface<'a> {
         on_stage: &mut dyn FnMut(&'static str),
     ) -> Self {
         on_stage("group");
-        let grouping = group_texels(fine, patches);
+        let grouping = group_texels(fine, patches, pair_count(directions.len()));
         on_stage("visibility");
         let bits = VisibilityBits::sweep(&fine.heights, &directions.vectors, grouping.slots.clone());
         Self { fine, grouping, bits }

@@ -4,6 +4,11 @@
 //! Every quotient carries a prior that pulls S to 1 where neither surface reflects anything: nothing is ever divided by
 //! a number near 0. The weight of a pair of directions is its solid angle, as in ε: F holds both cosines already.
 
+mod stored;
+
+pub(super) use stored::part_means;
+pub use stored::{deconvolve, full_table};
+
 use super::LARGEST_STORED;
 use super::reflectance::{PatchReflectance, TableDirections, pair, pair_count};
 use crate::geometry::Boundary;
@@ -30,7 +35,7 @@ pub struct Factors {
     pub on_node: f64,
 }
 
-/// Fits `rank` factors; fewer are returned where a further one would make the scaling negative somewhere.
+/// Fits `rank` factors. Pairs of directions that further factors would make negative keep the first one alone.
 pub fn fit_scaling(
     fine: &PatchReflectance,
     coarse: &PatchReflectance,
@@ -38,7 +43,8 @@ pub fn fit_scaling(
     rank: usize,
 ) -> Factors {
     let weights = pair_weights(directions.len());
-    let channels: Vec<Channel> = (0..3)
+    // a gray surface has one channel, three times
+    let channels: Vec<Channel> = (0..distinct_channels(fine, coarse))
         .into_par_iter()
         .map(|channel| {
             let data = Data {
@@ -46,20 +52,79 @@ pub fn fit_scaling(
                 coarse: (0..fine.patch_count()).map(|patch| coarse.channel(patch, channel)).collect(),
                 weights: &weights,
             };
-            (1..=rank).rev().map(|rank| data.fit(rank)).find(Channel::is_positive).unwrap_or_else(|| data.fit(1))
+            (1..=rank).rev().map(|rank| data.fit(rank)).find(Channel::has_base).unwrap_or_else(|| data.fit(1))
         })
         .collect();
     let rank = channels.iter().map(|channel| channel.spatial.len()).max().unwrap_or(1);
     let gather = |table: fn(&Channel) -> &Vec<Vec<f64>>, len: usize| -> Vec<Vec<[f32; 3]>> {
-        let value = |r: usize, k: usize| {
-            std::array::from_fn(|c| table(&channels[c]).get(r).map_or(0.0, |values| values[k] as f32))
-        };
+        let channel = |c: usize| table(&channels[c.min(channels.len() - 1)]);
+        let value =
+            |r: usize, k: usize| std::array::from_fn(|c| channel(c).get(r).map_or(0.0, |values| values[k] as f32));
         (0..rank).map(|r| (0..len).map(|k| value(r, k)).collect()).collect()
     };
     let spatial = gather(|channel| &channel.spatial, fine.patch_count());
     let angular = gather(|channel| &channel.angular, fine.pair_count());
     let on_node = node_error(fine, coarse, directions, &spatial, &angular);
     Factors { spatial, angular, on_node }
+}
+
+/// 1 where all channels of both tables are the same, else 3.
+fn distinct_channels(fine: &PatchReflectance, coarse: &PatchReflectance) -> usize {
+    let alike = |f: &PatchReflectance| {
+        (0..f.patch_count()).all(|patch| (1..3).all(|channel| f.channel(patch, channel) == f.channel(patch, 0)))
+    };
+    if alike(fine) && alike(coarse) { 1 } else { 3 }
+}
+
+impl Factors {
+    /// T as it is stored, deconvolved; S is changed where the stored T would make the scaling negative.
+    pub fn stored_spatial(
+        &mut self,
+        coarse: &PatchReflectance,
+        patches: [usize; 2],
+        boundary: Boundary,
+    ) -> Vec<Vec<[f32; 3]>> {
+        let mut stored: Vec<Vec<[f32; 3]>> = self.spatial.iter().map(|t| deconvolve(t, patches, boundary)).collect();
+        // a patch that is black among bright ones asks for a negative texel
+        stored[0].iter_mut().flatten().for_each(|t| *t = t.max(0.0));
+        for channel in 0..3 {
+            let of = |tables: &[Vec<[f32; 3]>]| -> Vec<Vec<f64>> {
+                tables.iter().map(|table| table.iter().map(|x| f64::from(x[channel])).collect()).collect()
+            };
+            let mut angular = of(&self.angular);
+            let coarse: Vec<&[f32]> = (0..coarse.patch_count()).map(|patch| coarse.channel(patch, channel)).collect();
+            if keep_positive(&of(&stored), &of(&self.spatial), &mut angular, &coarse) {
+                for (table, values) in self.angular.iter_mut().zip(&angular) {
+                    table.iter_mut().zip(values).for_each(|(s, &x)| s[channel] = x as f32);
+                }
+            }
+        }
+        stored
+    }
+}
+
+/// Sets S back to its first factor at the pairs where Σ_r T_r S_r < 0 at a texel of `texels`; whether there were any.
+///
+/// The pair keeps what it reflects over all patches, by `means` and `coarse`. The first T must not be negative. What is
+/// read between texels of T is a mean of theirs, and so is positive as well.
+fn keep_positive(texels: &[Vec<f64>], means: &[Vec<f64>], angular: &mut [Vec<f64>], coarse: &[&[f32]]) -> bool {
+    let mut any = false;
+    for k in 0..angular[0].len() {
+        let s: Vec<f64> = angular.iter().map(|s| s[k]).collect();
+        let at = |tables: &[Vec<f64>], p: usize| tables.iter().zip(&s).map(|(t, s)| t[p] * s).sum::<f64>();
+        if s.len() == 1 || (0..texels[0].len()).all(|p| at(texels, p) >= 0.0) {
+            continue;
+        }
+        let [mut all, mut first] = [0.0; 2];
+        for (p, coarse) in coarse.iter().enumerate() {
+            all += at(means, p) * f64::from(coarse[k]);
+            first += means[0][p] * f64::from(coarse[k]);
+        }
+        angular[0][k] = if first > 0.0 { (all / first).max(0.0) } else { 1.0 };
+        angular[1..].iter_mut().for_each(|s| s[k] = 0.0);
+        any = true;
+    }
+    any
 }
 
 /// Solid-angle weight of each pair: 2 for i ≠ o, which stands for both orders.
@@ -83,12 +148,9 @@ struct Channel {
 }
 
 impl Channel {
-    /// Whether Σ_r T_r S_r >= 0 for every patch and pair.
-    fn is_positive(&self) -> bool {
-        let patches = self.spatial[0].len();
-        (0..self.angular[0].len()).all(|k| {
-            (0..patches).all(|p| self.spatial.iter().zip(&self.angular).map(|(t, s)| t[p] * s[k]).sum::<f64>() >= 0.0)
-        })
+    /// Whether the first T is nowhere negative, so that every pair may fall back to it.
+    fn has_base(&self) -> bool {
+        self.spatial[0].iter().all(|&t| t >= 0.0)
     }
 }
 
@@ -108,6 +170,10 @@ impl Data<'_> {
                 self.update_angular(&mut channel, prior);
                 self.update_spatial(&mut channel, prior);
             }
+        }
+        if channel.has_base() {
+            let means = &channel.spatial;
+            keep_positive(means, means, &mut channel.angular, &self.coarse);
         }
         self.normalise(&mut channel);
         channel
@@ -271,7 +337,7 @@ impl Normal {
 }
 
 /// ε at the nodes: √(Σ(ΣTS·F_coarse − F_fine)² / ΣF_fine²) over patches, channels and pairs below 75°.
-fn node_error(
+pub(super) fn node_error(
     fine: &PatchReflectance,
     coarse: &PatchReflectance,
     directions: &TableDirections,
@@ -295,50 +361,4 @@ fn node_error(
         }
     }
     if total > 0.0 { (error / total).sqrt() } else { 0.0 }
-}
-
-/// T to store, so that its bilinear interpolation has the means `means` over the patches.
-///
-/// The mean over a patch of the interpolant is ¾ of its own texel and ⅛ of each neighbour along each axis. Richardson
-/// iteration: the blur's eigenvalues lie in [¼, 1], so the error falls by ¾ a step, to 1e-12 in 100.
-pub fn deconvolve(means: &[[f32; 3]], patches: [usize; 2], boundary: Boundary) -> Vec<[f32; 3]> {
-    let target: Vec<[f64; 3]> = means.iter().map(|t| t.map(f64::from)).collect();
-    let mut stored = target.clone();
-    for _ in 0..100 {
-        let blurred = patch_means(&stored, patches, boundary);
-        for ((stored, target), blurred) in stored.iter_mut().zip(&target).zip(&blurred) {
-            (0..3).for_each(|k| stored[k] += target[k] - blurred[k]);
-        }
-    }
-    stored.iter().map(|t| t.map(|x| (x as f32).clamp(-LARGEST_STORED, LARGEST_STORED))).collect()
-}
-
-/// Means over the patches of the bilinear interpolant of a table.
-fn patch_means(table: &[[f64; 3]], [width, height]: [usize; 2], boundary: Boundary) -> Vec<[f64; 3]> {
-    let neighbours = |k: usize, n: usize| match boundary {
-        Boundary::Repeat => [(k + n - 1) % n, k, (k + 1) % n],
-        Boundary::Clamp => [k.saturating_sub(1), k, (k + 1).min(n - 1)],
-    };
-    const TAPS: [f64; 3] = [0.125, 0.75, 0.125];
-    let mut means = vec![[0.0; 3]; table.len()];
-    for v in 0..height {
-        for u in 0..width {
-            for (&b, wv) in neighbours(v, height).iter().zip(TAPS) {
-                for (&a, wu) in neighbours(u, width).iter().zip(TAPS) {
-                    (0..3).for_each(|k| means[v * width + u][k] += wu * wv * table[b * width + a][k]);
-                }
-            }
-        }
-    }
-    means
-}
-
-/// S in full, `[wo][wi]`, from its pairs.
-pub fn full_table(pairs: &[[f32; 3]], directions: usize) -> Vec<[f32; 3]> {
-    (0..directions * directions)
-        .map(|at| {
-            let (o, i) = (at / directions, at % directions);
-            pairs[pair(i.max(o), i.min(o))]
-        })
-        .collect()
 }

@@ -1,7 +1,9 @@
 //! From a height map and its base BRDF to one coarse level: what a height map meets on its way, in this order.
 
 pub mod baselines;
+mod choice;
 pub mod coarse;
+mod compile;
 pub mod downsample;
 pub mod fine;
 pub mod fit;
@@ -12,13 +14,13 @@ pub mod reflectance;
 mod smoothing;
 pub mod visibility;
 
+pub use choice::{Alternative, TableSizes};
+pub use compile::compile;
 pub use downsample::coarse_cells;
 
-use crate::geometry::{Boundary, HeightField};
-use crate::material::{Brdf, ggx_gaussians};
-use coarse::{CoarseSurface, coarse_reflectance};
+use crate::geometry::HeightField;
+use crate::material::Brdf;
 use fine::SortedSurface;
-use fit::{deconvolve, fit_scaling, full_table};
 use interreflection::add_interreflection;
 use reflectance::{PatchReflectance, TableDirections};
 
@@ -47,18 +49,27 @@ pub enum LightTransport {
 pub struct LevelSettings {
     /// Downsampling factor, at least 1; cells per axis are max(1, round(n / factor)).
     pub factor: f32,
-    /// Patches of T per axis (M); never more than cells.
-    pub patches: usize,
-    /// Direction cells of S per axis (N).
-    pub directions: usize,
-    /// Rank of the factorisation, 1 to 3.
-    pub rank: usize,
+    /// Patches of T per axis (M), never more than cells; `None` chooses by the error.
+    pub patches: Option<usize>,
+    /// Direction cells of S per axis (N); `None` chooses by the error.
+    pub directions: Option<usize>,
+    /// Rank of the factorisation, 1 to 3; `None` chooses by the error.
+    pub rank: Option<usize>,
     /// vMF lobes a cell, 1 to 8; `None` chooses from the error of the normal distribution.
     pub lobes: Option<usize>,
     /// The light that the scaling holds.
     pub light: LightTransport,
+    /// ε below 75° that choices aim at.
+    pub error: f64,
     /// Seed of the paths of interreflection and of the error measurement.
     pub seed: u64,
+}
+
+impl LevelSettings {
+    /// Whether M, N or rank are to be chosen.
+    pub fn has_choice(&self) -> bool {
+        self.patches.is_none() || self.directions.is_none() || self.rank.is_none()
+    }
 }
 
 /// One vMF lobe of a cell's normal distribution.
@@ -91,62 +102,12 @@ pub struct CoarseLevel {
     pub angular: Vec<Vec<[f32; 3]>>,
     /// ε below 75° of the fit at the nodes of its own tables.
     pub on_node: f64,
+    /// ε below 75° that was predicted when the tables' sizes were chosen; `None` where nothing was.
+    pub predicted: Option<f64>,
+    /// What other sizes of the tables would have given, the chosen one among them; empty where nothing was chosen.
+    pub alternatives: Vec<Alternative>,
     /// Warnings for the user, one line each.
     pub warnings: Vec<String>,
-}
-
-/// Compiles one level.
-///
-/// The stages, named to `on_stage` as they begin: `downsample`, `lobes`, `group`, `visibility`, `fine`, `interreflect`
-/// unless the light is direct, `smooth`, `coarse`, `fit`.
-pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn FnMut(&'static str)) -> CoarseLevel {
-    on_stage("downsample");
-    let heights = downsample::downsample(&fine.heights, settings.factor);
-    on_stage("lobes");
-    let cells = heights.size();
-    let mut lobes = lobes::fit_lobes(&fine.heights, cells, settings.lobes);
-    limit_weights(&mut lobes);
-    let base_color = fine.color.as_ref().map(|color| cell_colors(color, fine.heights.size(), cells));
-    let patches = cells.map(|cells| settings.patches.clamp(1, cells));
-    let directions = TableDirections::new(settings.directions);
-    let (f_fine, noise) = reflectance(fine, patches, &directions, settings, on_stage);
-    on_stage("smooth");
-    let gaussians = fine.brdf.specular.map_or_else(Vec::new, |conductor| ggx_gaussians(conductor.alpha));
-    let surface = CoarseSurface {
-        heights: &heights,
-        lobes: &lobes,
-        base_color: base_color.as_deref(),
-        brdf: &fine.brdf,
-        gaussians: &gaussians,
-    };
-    let smoothed = smoothing::smoothed(&fine.heights, settings.factor, &surface, &f_fine, &directions);
-    on_stage("coarse");
-    let surface = CoarseSurface { heights: &smoothed, ..surface };
-    let f_coarse = coarse_reflectance(&surface, patches, &directions);
-    on_stage("fit");
-    let (factors, spatial) = (1..=settings.rank)
-        .rev()
-        .map(|rank| {
-            let factors = fit_scaling(&f_fine, &f_coarse, &directions, rank);
-            let spatial = stored_spatial(&factors.spatial, patches, heights.boundary());
-            (factors, spatial)
-        })
-        .find(|(factors, spatial)| spatial.len() == 1 || is_positive(spatial, &factors.angular))
-        .expect("rank 1 is always accepted");
-    let angular = factors.angular.iter().map(|s| full_table(s, directions.len())).collect();
-    let warnings = scaling_warning(&factors.angular, &f_fine, &directions).into_iter().chain(noise_warning(noise));
-    let warnings = warnings.collect();
-    CoarseLevel {
-        heights: smoothed,
-        lobes,
-        base_color,
-        patches,
-        spatial,
-        directions: settings.directions,
-        angular,
-        on_node: factors.on_node,
-        warnings,
-    }
 }
 
 /// F of the fine surface on the table directions, of the light that `settings` ask for, and its noise: root mean square
@@ -169,66 +130,8 @@ pub fn reflectance(
     }
 }
 
-/// T as it is stored: deconvolved, and not negative where it is the only factor.
-fn stored_spatial(means: &[Vec<[f32; 3]>], patches: [usize; 2], boundary: Boundary) -> Vec<Vec<[f32; 3]>> {
-    let mut stored: Vec<Vec<[f32; 3]>> = means.iter().map(|t| deconvolve(t, patches, boundary)).collect();
-    if let [only] = stored.as_mut_slice() {
-        // a patch that is black among bright ones asks for a negative texel
-        only.iter_mut().flatten().for_each(|t| *t = t.max(0.0));
-    }
-    stored
-}
-
-/// Whether Σ_r T_r S_r >= 0 at every texel of T, and so at every place between them.
-fn is_positive(spatial: &[Vec<[f32; 3]>], angular: &[Vec<[f32; 3]>]) -> bool {
-    let texels = spatial[0].len();
-    (0..angular[0].len()).all(|k| {
-        (0..texels)
-            .all(|p| (0..3).all(|c| spatial.iter().zip(angular).map(|(t, s)| t[p][c] * s[k][c]).sum::<f32>() >= 0.0))
-    })
-}
-
 /// Largest lobe weight, and largest T or S, that is kept: half floats end at 65504.
 const LARGEST_STORED: f32 = 6e4;
-
-/// Scales the lobes of cells whose micro-area exceeds what can be stored; S takes up the common factor.
-fn limit_weights(lobes: &mut [Vec<VmfLobe>]) {
-    for cell in 0..lobes[0].len() {
-        let largest = lobes.iter().map(|lobes| lobes[cell].weight).fold(0.0, f32::max);
-        if largest > LARGEST_STORED {
-            lobes.iter_mut().for_each(|lobes| lobes[cell].weight *= LARGEST_STORED / largest);
-        }
-    }
-}
-
-/// S above this where light matters means that f_c is far off: reported, not hidden.
-const LARGEST_SCALE: f32 = 64.0;
-
-/// Noise of interreflection that goes unmentioned: what narrow lobes are allowed, and a third as much again.
-const UNMENTIONED_NOISE: f64 = 0.02;
-
-/// A line for the user if the paths of interreflection did not converge.
-fn noise_warning(noise: f64) -> Option<String> {
-    (noise > UNMENTIONED_NOISE).then(|| {
-        format!("interreflection is left with {:.1} % of noise: walls too steep, or a base too narrow", 100.0 * noise)
-    })
-}
-
-/// A line for the user if S exceeds [`LARGEST_SCALE`] at a pair that reflects more than 1 % of the mean.
-fn scaling_warning(angular: &[Vec<[f32; 3]>], fine: &PatchReflectance, directions: &TableDirections) -> Option<String> {
-    let patches = fine.patch_count();
-    let mean = |k: usize| (0..patches).map(|p| fine.channel(p, 1)[k]).sum::<f32>() / patches as f32;
-    let overall = (0..fine.pair_count()).map(mean).sum::<f32>() / fine.pair_count() as f32;
-    let (k, largest) = (0..fine.pair_count())
-        .filter(|&k| mean(k) > 0.01 * overall)
-        .map(|k| (k, angular.iter().map(|s| s[k][1]).sum::<f32>()))
-        .max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let i = (0..directions.len()).rfind(|&i| reflectance::pair(i, 0) <= k).unwrap_or(0);
-    let [a, b] = [i, k - reflectance::pair(i, 0)].map(|d| directions.vectors[d][2].acos().to_degrees());
-    (largest > LARGEST_SCALE).then(|| {
-        format!("S is {largest:.0} at polar angles {a:.0}° and {b:.0}°; the lobes miss normals that reflect there")
-    })
-}
 
 /// Area-weighted mean colour of every cell; texels that straddle a border count in proportion.
 pub fn cell_colors(color: &[[f32; 3]], size: [usize; 2], cells: [usize; 2]) -> Vec<[f32; 3]> {

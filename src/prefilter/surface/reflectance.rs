@@ -4,6 +4,7 @@
 //! parts whose dependence on the normal is one scalar each; colour and Fresnel factors do not depend on the normal
 //! (Schlick's term sees ωi·h alone), so sums over facets run on scalars and become RGB once, at the end.
 
+use super::patch_of;
 use crate::material::Brdf;
 use formats::cell_brdf::{half_vector, schlick_weight};
 use std::f32::consts::FRAC_1_PI;
@@ -53,7 +54,16 @@ impl TableDirections {
         ThinnedDirections { directions: Self { vectors, xyz, resolution }, nodes }
     }
 
-    /// Number of directions, N².
+    /// The cells' centres, followed by these directions.
+    ///
+    /// [`pair`] puts the pairs of the first directions first: the tables of the centres alone begin those of them all.
+    pub(super) fn with(mut self, more: &[[f32; 3]]) -> Self {
+        self.vectors.extend_from_slice(more);
+        (0..3).for_each(|k| self.xyz[k].extend(more.iter().map(|w| w[k])));
+        self
+    }
+
+    /// Number of directions, N² unless there are others [`with`](Self::with) them.
     pub fn len(&self) -> usize {
         self.vectors.len()
     }
@@ -98,6 +108,38 @@ impl PatchReflectance {
 }
 
 impl PatchReflectance {
+    /// F between the first `directions` directions alone.
+    pub(super) fn of_first(&self, directions: usize) -> Self {
+        let pairs = pair_count(directions);
+        let values = self.values.chunks(self.pairs).flat_map(|table| &table[..pairs]).copied().collect();
+        Self { values, pairs }
+    }
+
+    /// F over the larger patches of the grid `to`, each of whole patches of the grid `from` of this table. A patch weighs
+    /// as many texels or cells as it has, of `size` over the map.
+    pub(super) fn merged(&self, from: [usize; 2], to: [usize; 2], size: [usize; 2]) -> Self {
+        let mut counts = vec![0.0_f64; from[0] * from[1]];
+        for texel in 0..size[0] * size[1] {
+            counts[patch_of([texel % size[0], texel / size[0]], size, from)] += 1.0;
+        }
+        let mut values = Vec::with_capacity(to[0] * to[1] * 3 * self.pairs);
+        for patch in 0..to[0] * to[1] {
+            let corner = [patch % to[0], patch / to[0]];
+            let ratio = [0, 1].map(|axis| from[axis] / to[axis]);
+            let parts: Vec<usize> = (0..ratio[0] * ratio[1])
+                .map(|k| (corner[1] * ratio[1] + k / ratio[0]) * from[0] + corner[0] * ratio[0] + k % ratio[0])
+                .collect();
+            let total: f64 = parts.iter().map(|&part| counts[part]).sum();
+            for channel in 0..3 {
+                let tables: Vec<_> =
+                    parts.iter().map(|&part| (counts[part] / total, self.channel(part, channel))).collect();
+                let mean = |k: usize| tables.iter().map(|(share, table)| share * f64::from(table[k])).sum::<f64>();
+                values.extend((0..self.pairs).map(|k| mean(k) as f32));
+            }
+        }
+        Self { values, pairs: self.pairs }
+    }
+
     /// [`Self::channel`], to be changed.
     pub(super) fn channel_mut(&mut self, patch: usize, channel: usize) -> &mut [f32] {
         &mut self.values[(patch * 3 + channel) * self.pairs..][..self.pairs]

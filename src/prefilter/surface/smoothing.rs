@@ -81,7 +81,7 @@ fn some_cells(lobes: &[Vec<VmfLobe>]) -> Vec<Vec<VmfLobe>> {
 }
 
 /// Means over the map of F between the directions `nodes` of its table, `[i][o]`, RGB.
-fn means(f: &PatchReflectance, nodes: &[usize]) -> Vec<[f64; 3]> {
+pub(super) fn means(f: &PatchReflectance, nodes: &[usize]) -> Vec<[f64; 3]> {
     let patches = f.patch_count();
     let mean = |channel: usize, k: usize| {
         (0..patches).map(|patch| f64::from(f.channel(patch, channel)[k])).sum::<f64>() / patches as f64

@@ -19,13 +19,13 @@ struct NormalBins {
 }
 
 impl NormalBins {
-    /// Bins for `texels` texels spread over `parts` patches and colour classes.
-    fn new(texels: usize, parts: usize, alpha: Option<f32>) -> Self {
-        // two words a group on average, for texels that leave words half empty cost as much as full ones; a small map
-        // may have as many groups as a map of 1024² with 16 patches
+    /// Bins for `texels` texels spread over `parts` patches and colour classes, and `pairs` pairs of directions.
+    fn new(texels: usize, parts: usize, pairs: usize, alpha: Option<f32>) -> Self {
+        // two words a group on average, for texels that leave words half empty cost as much as full ones; a small map or
+        // one with few directions may cost as much as a map of 1024² with 16 patches and 15 × 15 directions
         const TEXELS_PER_GROUP: f64 = 112.0;
-        const FREE_GROUPS: f64 = 16.0 * 576.0;
-        let groups = ((texels as f64 / TEXELS_PER_GROUP).max(FREE_GROUPS) / parts as f64).sqrt();
+        const FREE_WORK: f64 = 16.0 * 576.0 * 25425.0;
+        let groups = ((texels as f64 / TEXELS_PER_GROUP).max(FREE_WORK / pairs as f64) / parts as f64).sqrt();
         let groups = (groups.round() as usize).clamp(8, 24);
         Self { groups, per_group: facet_resolution(alpha).div_ceil(groups) }
     }
@@ -129,13 +129,13 @@ struct Key {
     class: u8,
 }
 
-/// Sorts all texels into visibility bins and groups.
-pub(super) fn group_texels(fine: &FineSurface, patches: [usize; 2]) -> Grouping {
+/// Sorts all texels into visibility bins and groups, as fine as `pairs` pairs of directions allow.
+pub(super) fn group_texels(fine: &FineSurface, patches: [usize; 2], pairs: usize) -> Grouping {
     let [width, height] = fine.heights.size();
     let classes = if fine.color.is_some() { COLOR_CLASSES } else { 1 };
     let tiles = Tiles::new([width, height], patches);
     let parts = tiles.count() * classes;
-    let bins = NormalBins::new(width * height, parts, fine.brdf.specular.map(|conductor| conductor.alpha));
+    let bins = NormalBins::new(width * height, parts, pairs, fine.brdf.specular.map(|conductor| conductor.alpha));
     let limits = fine.color.as_deref().map(luminance_quantiles);
     // bin of normals for every texel, facets numbered so that those of one visibility bin are neighbours
     let keys: Vec<Key> = (0..width * height)
