@@ -143,9 +143,10 @@ fn main() {
         let surface = FineSurface { heights: heights.clone(), brdf, color: None };
         let level = LevelSettings {
             factor: FACTOR,
-            patches: 4,
-            directions: N,
-            rank: 1,
+            patches: Some(4),
+            directions: Some(N),
+            rank: Some(1),
+            error: 0.03,
             lobes: None,
             light: LightTransport::Direct,
             seed: 1,

@@ -29,15 +29,18 @@ fn surfaces() -> Vec<(FineSurface, LevelSettings)> {
             colored,
             LevelSettings {
                 factor: 3.7,
-                patches: 3,
-                directions: 9,
-                rank: 2,
+                patches: Some(3),
+                directions: Some(9),
+                rank: Some(2),
                 lobes: None,
                 light: LightTransport::Direct,
+                error: 0.03,
                 seed: 1,
             },
         ),
-        (plain, at(8.0)),
+        (plain.clone(), at(8.0)),
+        // 0.02 asks for more than the smallest tables
+        (plain, LevelSettings { patches: None, directions: None, rank: None, error: 0.02, ..at(8.0) }),
     ]
 }
 

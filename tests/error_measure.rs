@@ -17,7 +17,7 @@ fn hills() -> HeightField {
 }
 
 fn small() -> LevelSettings {
-    LevelSettings { patches: 2, directions: 7, ..at(8.0) }
+    LevelSettings { patches: Some(2), directions: Some(7), ..at(8.0) }
 }
 
 #[test]

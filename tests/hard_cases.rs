@@ -23,7 +23,7 @@ struct Case {
 impl Case {
     fn new(name: impl Into<String>, heights: HeightField) -> Self {
         let fine = FineSurface { heights, brdf: both(0.3), color: None };
-        let settings = LevelSettings { directions: 7, patches: 2, ..at(8.0) };
+        let settings = LevelSettings { directions: Some(7), patches: Some(2), ..at(8.0) };
         Self { name: name.into(), fine, settings, epsilon: None }
     }
 
@@ -138,7 +138,7 @@ fn constant_heights_stay_exact() {
         let flat = |height: f32| field([40, 32], [1.0; 2], boundary, move |_, _| height);
         run_all([
             Case::new("constant 1e3", flat(1e3)),
-            Case::new("constant −7, one patch", flat(-7.0)).with(|s| s.patches = 1),
+            Case::new("constant −7, one patch", flat(-7.0)).with(|s| s.patches = Some(1)),
         ]);
     }
     run(&Case::new("constant 0, diffuse", map([40, 32], |_, _| 0.0)).base(diffuse(0.8)).within(0.002));
@@ -153,7 +153,7 @@ fn a_single_spike_survives() {
         run_all([
             Case::new("spike of 1", spike(1.0)).base(diffuse(0.8)),
             Case::new("spike of 12", spike(12.0)),
-            Case::new("spike of 12, four patches", spike(12.0)).with(|s| s.patches = 4),
+            Case::new("spike of 12, four patches", spike(12.0)).with(|s| s.patches = Some(4)),
             Case::new("spike of 1000", spike(1000.0)),
             Case::new("hole of 30", spike(-30.0)),
         ]);
@@ -204,7 +204,7 @@ fn grooves_of_two_colours_keep_their_colours() {
         Case::new("groove of two colours, diffuse", groove())
             .base(diffuse(0.9))
             .color(two)
-            .with(|s| s.directions = 15)
+            .with(|s| s.directions = Some(15))
             .within(0.05),
         Case::new("groove of two colours, both", groove()).color(two),
         Case::new("groove of black and white patches", groove()).color(|i, _| [f32::from(u8::from(i < 32)); 3]),
@@ -288,7 +288,7 @@ fn threads_that_the_grid_does_not_resolve_survive() {
     // shows there, and S jumps from node to node; ε above 75° is 54 % then.
     let heights = fixture("heights/silk", 24.453);
     let fine = FineSurface { heights, brdf: ggx(0.3), color: None };
-    let coarse = compiled(&fine, &LevelSettings { patches: 2, ..at(16.0) });
+    let coarse = compiled(&fine, &LevelSettings { patches: Some(2), ..at(16.0) });
     let asset = asset(&fine, vec![surface_level(1, &fine.heights, coarse)]);
     let error = measured(&fine, &asset, 7);
     println!("threads: ε {:?}, above 75° {:?}", error.below_75, error.above_75);
@@ -349,7 +349,39 @@ fn settings_beyond_the_map_survive() {
     for (name, factor, patches, directions, rank, lobes) in odd {
         let case = Case::new(name, hills());
         run(&case.with(|s| {
-            *s = LevelSettings { factor, patches, directions, rank, lobes, light: LightTransport::Direct, seed: 1 }
+            let [patches, directions, rank] = [patches, directions, rank].map(Some);
+            *s = LevelSettings { factor, patches, directions, rank, lobes, ..*s }
+        }));
+    }
+}
+
+#[test]
+fn sizes_are_chosen_on_every_shape_of_map() {
+    let hills = || map([40, 24], waves([40, 24], 8.0, 1.5, 6));
+    let auto = |s: &mut LevelSettings| {
+        // a target that nothing reaches: every way of refining is gone
+        *s = LevelSettings { patches: None, directions: None, rank: None, error: 1e-4, ..*s };
+    };
+    let spike = |i: usize, j: usize| if [i, j] == [3, 3] { 5.0 } else { 0.0 };
+    for (name, heights) in [
+        ("flat", map([32, 32], |_, _| 1.0)),
+        ("one texel", map([1, 1], |_, _| 1.0)),
+        ("a line", noise([1, 70], 2.0, Boundary::Clamp)),
+        ("cells that are no power of two", noise([88, 56], 3.0, Boundary::Repeat)),
+        ("a spike", map([40, 40], spike)),
+        ("hills", hills()),
+    ] {
+        for brdf in [diffuse(0.5), ggx(0.02)] {
+            run(&Case::new(format!("{name}, automatic"), heights.clone()).base(brdf).with(auto));
+        }
+    }
+    // each size alone
+    for open in 0..3 {
+        let case = Case::new(format!("hills, choice {open}"), hills());
+        run(&case.with(|s| match open {
+            0 => s.patches = None,
+            1 => s.directions = None,
+            _ => s.rank = None,
         }));
     }
 }
@@ -372,7 +404,7 @@ fn ranks_on_rugged_maps_never_read_below_zero() {
         for rank in [1, 2, 3] {
             for brdf in [diffuse(0.8), ggx(0.2)] {
                 let case = Case::new(format!("{name}, rank {rank}"), heights.clone()).base(brdf);
-                run(&case.with(|s| (s.rank, s.patches) = (rank, 4)));
+                run(&case.with(|s| (s.rank, s.patches) = (Some(rank), Some(4))));
             }
         }
     }

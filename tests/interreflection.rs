@@ -154,7 +154,7 @@ fn a_flat_surface_has_no_interreflection() {
 #[test]
 fn a_baked_level_reads_as_the_original_with_interreflection() {
     let fine = FineSurface { heights: hills(), brdf: diffuse(0.8), color: None };
-    let mut asset = through_bytes(&fine, compiled(&fine, &LevelSettings { patches: 2, ..baked() }));
+    let mut asset = through_bytes(&fine, compiled(&fine, &LevelSettings { patches: Some(2), ..baked() }));
     let as_direct = measured(&fine, &asset, 7);
     asset.light = formats::asset::Light::Baked;
     let error = measured(&fine, &asset, 7);

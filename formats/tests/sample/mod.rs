@@ -125,6 +125,7 @@ impl Sample {
             angular,
             error: None,
             limited_by: Some("model".into()),
+            alternatives: Vec::new(),
         }
     }
 }

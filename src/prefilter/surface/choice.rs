@@ -331,3 +331,54 @@ impl<'a> Search<'a> {
         all.into_iter().map(|sizes| Alternative { sizes, error: self.error(sizes) }).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Means of F over the map at all nodes and the directions between them: F_coarse = 1, F_fine = S.
+    fn tables(directions: &TableDirections, s: impl Fn([f32; 2]) -> f64) -> [Vec<[f64; 3]>; 2] {
+        let squares: Vec<[f32; 2]> = directions.vectors.iter().map(|&w| lookup::square_of(w)).collect();
+        let pairs = || squares.iter().flat_map(|&i| squares.iter().map(move |&o| (i, o)));
+        [pairs().map(|(i, o)| [s(i) + s(o); 3]).collect(), pairs().map(|_| [1.0; 3]).collect()]
+    }
+
+    fn errors(s: impl Fn([f32; 2]) -> f64) -> [f64; 2] {
+        let between = directions_between();
+        let directions = TableDirections::new(7).with(&between);
+        let [fine, coarse] = tables(&directions, s);
+        [1, 2].map(|step| interpolation_error([&fine, &coarse], &directions, &directions.every(step), between.len()))
+    }
+
+    #[test]
+    fn a_linear_scaling_is_read_without_error_between_the_nodes() {
+        // the directions themselves are rounded to f32, and the prior is a millionth
+        assert!(errors(|s| 1.0 + f64::from(s[0]) - 0.5 * f64::from(s[1])).iter().all(|error| *error < 1e-5));
+    }
+
+    #[test]
+    fn a_smooth_scaling_falls_with_the_square_of_n() {
+        let [all, every_other] = errors(|s| 1.0 + f64::from(s[0]).powi(2) + f64::from(s[1]).powi(2));
+        // 25 directions only, and t(1 − t) of each is another on either grid
+        assert!(all > 1e-4 && (1.5..2.5).contains(&(every_other / all).log2()), "{all} {every_other}");
+    }
+
+    #[test]
+    fn directions_between_the_nodes_are_below_75_degrees() {
+        let directions = directions_between();
+        assert_eq!(directions.len(), STRATA * STRATA);
+        assert!(directions.iter().all(|w| w[2] > super::super::fit::COS_75));
+    }
+
+    #[test]
+    fn the_common_grid_holds_whole_patches_of_every_choice() {
+        for cells in 1..40 {
+            let grid = finest(None, cells);
+            assert!(grid <= cells && PATCHES.iter().all(|&m| grid % m.min(grid) == 0), "{cells} cells: {grid}");
+            for wanted in [1, 3, 5, 16, 64] {
+                let grid = finest(Some(wanted), cells);
+                assert!(grid <= cells && grid % wanted.min(cells) == 0, "{cells} cells, {wanted} patches: {grid}");
+            }
+        }
+    }
+}

@@ -163,6 +163,11 @@ fn overlaps(at: usize, cells: usize, texels: usize) -> Vec<(usize, f64)> {
 
 /// Patch (row-major index) of texel or cell `at` on a grid of `size`.
 pub fn patch_of(at: [usize; 2], size: [usize; 2], patches: [usize; 2]) -> usize {
-    let [u, v] = [0, 1].map(|axis| ((2 * at[axis] + 1) * patches[axis] / (2 * size[axis])).min(patches[axis] - 1));
+    let [u, v] = [0, 1].map(|axis| patch_along(at[axis], size[axis], patches[axis]));
     v * patches[0] + u
+}
+
+/// Patch of texel or cell `at` of `size` along one axis.
+fn patch_along(at: usize, size: usize, patches: usize) -> usize {
+    ((2 * at + 1) * patches / (2 * size)).min(patches - 1)
 }

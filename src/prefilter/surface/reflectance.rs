@@ -4,7 +4,7 @@
 //! parts whose dependence on the normal is one scalar each; colour and Fresnel factors do not depend on the normal
 //! (Schlick's term sees ωi·h alone), so sums over facets run on scalars and become RGB once, at the end.
 
-use super::patch_of;
+use super::patch_along;
 use crate::material::Brdf;
 use formats::cell_brdf::{half_vector, schlick_weight};
 use std::f32::consts::FRAC_1_PI;
@@ -118,10 +118,11 @@ impl PatchReflectance {
     /// F over the larger patches of the grid `to`, each of whole patches of the grid `from` of this table. A patch weighs
     /// as many texels or cells as it has, of `size` over the map.
     pub(super) fn merged(&self, from: [usize; 2], to: [usize; 2], size: [usize; 2]) -> Self {
-        let mut counts = vec![0.0_f64; from[0] * from[1]];
-        for texel in 0..size[0] * size[1] {
-            counts[patch_of([texel % size[0], texel / size[0]], size, from)] += 1.0;
-        }
+        let along = [0, 1].map(|axis| {
+            let mut counts = vec![0.0_f64; from[axis]];
+            (0..size[axis]).for_each(|at| counts[patch_along(at, size[axis], from[axis])] += 1.0);
+            counts
+        });
         let mut values = Vec::with_capacity(to[0] * to[1] * 3 * self.pairs);
         for patch in 0..to[0] * to[1] {
             let corner = [patch % to[0], patch / to[0]];
@@ -129,10 +130,11 @@ impl PatchReflectance {
             let parts: Vec<usize> = (0..ratio[0] * ratio[1])
                 .map(|k| (corner[1] * ratio[1] + k / ratio[0]) * from[0] + corner[0] * ratio[0] + k % ratio[0])
                 .collect();
-            let total: f64 = parts.iter().map(|&part| counts[part]).sum();
+            let count = |part: usize| along[0][part % from[0]] * along[1][part / from[0]];
+            let total: f64 = parts.iter().map(|&part| count(part)).sum();
             for channel in 0..3 {
                 let tables: Vec<_> =
-                    parts.iter().map(|&part| (counts[part] / total, self.channel(part, channel))).collect();
+                    parts.iter().map(|&part| (count(part) / total, self.channel(part, channel))).collect();
                 let mean = |k: usize| tables.iter().map(|(share, table)| share * f64::from(table[k])).sum::<f64>();
                 values.extend((0..self.pairs).map(|k| mean(k) as f32));
             }
