@@ -1,6 +1,6 @@
 //! What a level stands for: f_low = (Σ_r T_r(x)·S_r(ωi, ωo))·f_c on the displaced surface, T_a(x)·E(ωi, ωo) on the base.
 
-use super::{SurfaceAsset, SurfaceLevel};
+use super::{AdditiveTerm, SurfaceAsset, SurfaceLevel};
 use crate::cell_brdf::{BaseBrdf, CellBrdf};
 use crate::lookup::{Boundary, angular_taps, bilinear_taps};
 
@@ -45,10 +45,15 @@ impl SurfaceLevel {
     /// It is lit with the cosine of the base plane and shadowed by nothing of the relief.
     pub fn additive_at(&self, x: [f32; 2], boundary: Boundary, wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
         let Some(term) = self.additive.as_ref().filter(|_| wi[2] > 0.0 && wo[2] > 0.0) else { return [0.0; 3] };
-        let n = term.directions;
-        let spatial = weighted(&term.spatial, &bilinear_taps(x, self.patches, boundary));
-        let angular = pair_weighted(&term.angular, &angular_taps(wi, n), &angular_taps(wo, n), n);
+        let (spatial, angular) = (self.additive_spatial_at(x, boundary), term.angular_at(wi, wo));
         [0, 1, 2].map(|channel| spatial[channel] * angular[channel])
+    }
+
+    /// T_a at the fraction `x` of the map, as [`Self::spatial_at`]; 0 without the term.
+    #[inline]
+    pub fn additive_spatial_at(&self, x: [f32; 2], boundary: Boundary) -> [f32; 3] {
+        let taps = || bilinear_taps(x, self.patches, boundary);
+        self.additive.as_ref().map_or([0.0; 3], |term| weighted(&term.spatial, &taps()))
     }
 
     /// Height in metres of the coarse surface over the fraction `x` ∈ [0, 1) of the map.
@@ -109,6 +114,15 @@ impl SurfaceLevel {
         let f_c = self.cell_brdf(self.cell_at(x), &asset.bsdf).eval(n_c, wi, wo);
         let scaling = self.scaling_at(x, asset.boundary, wi, wo);
         [0, 1, 2].map(|channel| scaling[channel] * f_c[channel])
+    }
+}
+
+impl AdditiveTerm {
+    /// E(ωi, ωo), as [`SurfaceLevel::angular_at`].
+    #[inline]
+    pub fn angular_at(&self, wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
+        let n = self.directions;
+        pair_weighted(&self.angular, &angular_taps(wi, n), &angular_taps(wo, n), n)
     }
 }
 
