@@ -113,7 +113,7 @@ pub(crate) fn at(factor: f32) -> LevelSettings {
         rank: Some(1),
         lobes: None,
         light: LightTransport::Direct,
-        error: 0.03,
+        error: 0.02,
         seed: 1,
     }
 }

@@ -78,23 +78,30 @@ pub struct Alternative {
     pub error: f64,
 }
 
-/// What was chosen.
-pub(super) struct Choice {
-    pub(super) sizes: TableSizes,
-    /// Predicted ε; `None` where nothing was to be chosen.
-    pub(super) predicted: Option<f64>,
-    pub(super) alternatives: Vec<Alternative>,
+/// What was chosen, and what was found on the way that the level is made of.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    /// The sizes.
+    pub sizes: TableSizes,
+    /// Predicted ε below 75°; `None` where nothing was to be chosen.
+    pub predicted: Option<f64>,
+    /// What other sizes would have given, the chosen ones among them.
+    pub alternatives: Vec<Alternative>,
+    /// The coarse heights, smoothed where they fold, if they were found.
+    pub heights: Option<HeightField>,
+    /// F of the fine and of the coarse surface, where what the choice was made on serves as it is.
+    pub tables: Option<[PatchReflectance; 2]>,
 }
 
 impl Choice {
     /// No choice.
-    pub(super) fn fixed(sizes: TableSizes) -> Self {
-        Self { sizes, predicted: None, alternatives: Vec::new() }
+    fn fixed(sizes: TableSizes) -> Self {
+        Self { sizes, predicted: None, alternatives: Vec::new(), heights: None, tables: None }
     }
 }
 
 /// F of both surfaces under direct light, on few directions and the finest patches.
-pub(super) struct Scout {
+struct Scout {
     directions: TableDirections,
     patches: [usize; 2],
     f_fine: PatchReflectance,
@@ -107,7 +114,7 @@ pub(super) struct Scout {
 }
 
 impl Scout {
-    pub(super) fn new(fine: &FineSurface, settings: &LevelSettings, surface: &CoarseSurface<'_>) -> Self {
+    fn new(fine: &FineSurface, settings: &LevelSettings, surface: &CoarseSurface<'_>) -> Self {
         let few = settings.directions.map_or(DIRECTIONS[0], |n| n.min(DIRECTIONS[0]));
         let directions = TableDirections::new(few);
         let between = directions_between();
@@ -122,26 +129,16 @@ impl Scout {
     }
 
     /// Whether its own tables are what `sizes` and `light` ask for.
-    pub(super) fn serves(&self, sizes: TableSizes, light: LightTransport) -> bool {
+    fn serves(&self, sizes: TableSizes, light: LightTransport) -> bool {
         sizes.directions == self.directions.resolution && light == LightTransport::Direct
     }
 
     /// F of the fine and of the coarse surface over larger patches.
-    pub(super) fn merged(&self, patches: [usize; 2]) -> [PatchReflectance; 2] {
+    fn merged(&self, patches: [usize; 2]) -> [PatchReflectance; 2] {
         [
             self.f_fine.merged(self.patches, patches, self.texels),
             self.f_coarse.merged(self.patches, patches, self.heights.size()),
         ]
-    }
-
-    /// The coarse heights.
-    pub(super) fn into_heights(self) -> HeightField {
-        self.heights
-    }
-
-    /// Directions and coarse heights.
-    pub(super) fn into_parts(self) -> (TableDirections, HeightField) {
-        (self.directions, self.heights)
     }
 
     /// ε at the nodes over the common grid, with T and S fitted to `patches`.
@@ -239,8 +236,25 @@ fn finest(wanted: Option<usize>, cells: usize) -> usize {
     patches
 }
 
-/// Chooses what `settings` leave open.
-pub(super) fn choose(scout: &Scout, settings: &LevelSettings) -> Choice {
+/// Chooses what `settings` leave open, for a level whose heights before smoothing are those of `surface`.
+pub fn choose(
+    fine: &FineSurface,
+    settings: &LevelSettings,
+    surface: &CoarseSurface<'_>,
+    on_stage: &mut dyn FnMut(&'static str),
+) -> Choice {
+    if let Some(sizes) = settings.fixed_sizes(surface.heights.size()) {
+        return Choice::fixed(sizes);
+    }
+    on_stage("choose");
+    let scout = Scout::new(fine, settings, surface);
+    let (sizes, predicted, alternatives) = best_sizes(&scout, settings);
+    let tables = scout.serves(sizes, settings.light).then(|| scout.merged(sizes.patches));
+    Choice { sizes, predicted: Some(predicted), alternatives, heights: Some(scout.heights), tables }
+}
+
+/// The sizes, the ε that is predicted for them, and what others would have given.
+fn best_sizes(scout: &Scout, settings: &LevelSettings) -> (TableSizes, f64, Vec<Alternative>) {
     let mut search = Search::new(scout, settings);
     let mut sizes = search.first();
     loop {
@@ -255,7 +269,7 @@ pub(super) fn choose(scout: &Scout, settings: &LevelSettings) -> Choice {
             None => break,
         }
     }
-    Choice { sizes, predicted: Some(search.error(sizes)), alternatives: search.alternatives(sizes) }
+    (sizes, search.error(sizes), search.alternatives(sizes))
 }
 
 /// What may be chosen, and what has been found of it.

@@ -1,17 +1,20 @@
 //! One level from beginning to end: the stages in their order, and which tables they work on.
 
-use super::choice::{Choice, Scout, TableSizes, choose};
+use super::additive::{self, fit_additive};
+use super::choice::{Choice, TableSizes, choose};
 use super::coarse::{CoarseSurface, coarse_reflectance};
-use super::fit::{fit_scaling, full_table, node_error};
+use super::fine::SortedSurface;
+use super::fit::{fit_scaling, full_table, mean_square, node_error};
+use super::interreflection::{Interreflection, NOISE_SHARE, PathSettings, interreflection};
 use super::reflectance::{PatchReflectance, TableDirections};
 use super::{
-    CoarseLevel, FineSurface, LARGEST_STORED, LevelSettings, VmfLobe, cell_colors, downsample, lobes, reflectance,
-    smoothing,
+    AdditiveTerm, CoarseLevel, FineSurface, LARGEST_STORED, LevelSettings, LightTransport, VmfLobe, cell_colors,
+    downsample, lobes, reflectance, smoothing,
 };
 use crate::geometry::HeightField;
-use crate::material::ggx_gaussians;
+use crate::material::{Brdf, ggx_gaussians};
 
-/// Compiles one level.
+/// Compiles one level: the stages below in their order, which `build` runs one by one.
 ///
 /// The stages, named to `on_stage` as they begin: `downsample`, `lobes`, `choose` where M, N or rank are to be chosen,
 /// `group`, `visibility`, `fine`, `interreflect` unless the light is direct, `smooth`, `coarse`, `fit`. From `group` to
@@ -21,10 +24,9 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
     let heights = downsample::downsample(&fine.heights, settings.factor);
     on_stage("lobes");
     let cells = heights.size();
-    let mut lobes = lobes::fit_lobes(&fine.heights, cells, settings.lobes);
-    limit_weights(&mut lobes);
+    let lobes = level_lobes(&fine.heights, cells, settings.lobes);
     let base_color = fine.color.as_ref().map(|color| cell_colors(color, fine.heights.size(), cells));
-    let gaussians = fine.brdf.specular.map_or_else(Vec::new, |conductor| ggx_gaussians(conductor.alpha));
+    let gaussians = base_gaussians(&fine.brdf);
     let surface = CoarseSurface {
         heights: &heights,
         lobes: &lobes,
@@ -32,87 +34,160 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
         brdf: &fine.brdf,
         gaussians: &gaussians,
     };
-    let scout = settings.has_choice().then(|| {
-        on_stage("choose");
-        Scout::new(fine, settings, &surface)
-    });
-    let choice = scout.as_ref().map(|scout| choose(scout, settings));
-    let sizes = choice.as_ref().map_or_else(|| fixed_sizes(settings, cells), |choice| choice.sizes);
-    let tables = match scout {
-        Some(scout) if scout.serves(sizes, settings.light) => Tables::of_scout(scout, sizes),
-        scout => Tables::new(fine, settings, &surface, sizes, scout.map(Scout::into_heights), on_stage),
-    };
+    let choice = choose(fine, settings, &surface, on_stage);
+    let f_fine = fine_tables(fine, &choice, settings, on_stage);
+    let heights = coarse_heights(&fine.heights, &choice, settings, &surface, &f_fine, on_stage);
+    let f_coarse = coarse_table(&choice, &CoarseSurface { heights: &heights, ..surface }, on_stage);
     on_stage("fit");
-    let Tables { directions, heights, f_fine, f_coarse, noise } = tables;
-    let mut factors = fit_scaling(&f_fine, &f_coarse, &directions, sizes.rank);
-    let spatial = factors.stored_spatial(&f_coarse, sizes.patches, heights.boundary());
-    let on_node = node_error(&f_fine, &f_coarse, &directions, &factors.spatial, &factors.angular);
-    let angular = factors.angular.iter().map(|s| full_table(s, directions.len())).collect();
-    let warnings = scaling_warning(&factors.angular, &f_fine, &directions).into_iter().chain(noise_warning(noise));
-    let warnings = warnings.collect();
-    let Choice { alternatives, predicted, .. } = choice.unwrap_or_else(|| Choice::fixed(sizes));
-    CoarseLevel {
-        heights,
-        lobes,
-        base_color,
-        patches: sizes.patches,
+    let fit = fit_level(&f_fine, &f_coarse, &heights, choice.sizes, settings.error, &fine.brdf);
+    CoarseLevel::new(heights, lobes, base_color, choice, fit)
+}
+
+/// The lobes of a level of `cells` cells, `[lobe][cell]`, in weights that can be stored.
+pub fn level_lobes(fine: &HeightField, cells: [usize; 2], count: Option<usize>) -> Vec<Vec<VmfLobe>> {
+    let mut lobes = lobes::fit_lobes(fine, cells, count);
+    limit_weights(&mut lobes);
+    lobes
+}
+
+/// The spherical Gaussians of a base BRDF's normal distribution; none for a diffuse one.
+pub fn base_gaussians(brdf: &Brdf) -> Vec<[f32; 2]> {
+    brdf.specular.map_or_else(Vec::new, |conductor| ggx_gaussians(conductor.alpha))
+}
+
+/// F of the fine surface.
+#[derive(Clone, Debug)]
+pub struct FineTables {
+    /// Of direct light, on the directions of S.
+    pub direct: PatchReflectance,
+    /// Of light reflected twice or more, on the directions of E, where the level holds it.
+    pub interreflection: Option<Interreflection>,
+}
+
+/// F of the fine surface on tables of the chosen sizes.
+pub fn fine_tables(
+    fine: &FineSurface,
+    choice: &Choice,
+    settings: &LevelSettings,
+    on_stage: &mut dyn FnMut(&'static str),
+) -> FineTables {
+    if let Some([f_fine, _]) = &choice.tables {
+        return FineTables { direct: f_fine.clone(), interreflection: None };
+    }
+    let TableSizes { patches, directions, .. } = choice.sizes;
+    let directions = TableDirections::new(directions);
+    let sorted = SortedSurface::new(fine, patches, &directions, on_stage);
+    let direct = sorted.direct(&directions, on_stage);
+    let interreflection = (settings.light == LightTransport::Baked).then(|| {
+        on_stage("interreflect");
+        let directions = TableDirections::new(additive::directions_of(&fine.brdf));
+        let paths = PathSettings { noise: NOISE_SHARE * settings.error, seed: settings.seed };
+        interreflection(fine, &sorted, &direct, patches, &directions, paths)
+    });
+    FineTables { direct, interreflection }
+}
+
+/// The heights of a level: those of `surface`, or smoother ones where they fold.
+pub fn coarse_heights(
+    fine: &HeightField,
+    choice: &Choice,
+    settings: &LevelSettings,
+    surface: &CoarseSurface<'_>,
+    f_fine: &FineTables,
+    on_stage: &mut dyn FnMut(&'static str),
+) -> HeightField {
+    choice.heights.clone().unwrap_or_else(|| {
+        on_stage("smooth");
+        let directions = TableDirections::new(choice.sizes.directions);
+        smoothing::smoothed(fine, settings.factor, surface, &f_fine.direct, &directions)
+    })
+}
+
+/// F of the coarse surface under direct light, on tables of the chosen sizes.
+pub fn coarse_table(
+    choice: &Choice,
+    surface: &CoarseSurface<'_>,
+    on_stage: &mut dyn FnMut(&'static str),
+) -> PatchReflectance {
+    if let Some([_, f_coarse]) = &choice.tables {
+        return f_coarse.clone();
+    }
+    on_stage("coarse");
+    coarse_reflectance(surface, choice.sizes.patches, &TableDirections::new(choice.sizes.directions))
+}
+
+/// The tables of a level as they are stored.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LevelFit {
+    /// T, `[rank][patch]`, RGB; read bilinearly.
+    pub spatial: Vec<Vec<[f32; 3]>>,
+    /// S, `[rank][wo][wi]`, N² × N² directions, RGB.
+    pub angular: Vec<Vec<[f32; 3]>>,
+    /// Interreflection, where the light holds any.
+    pub additive: Option<AdditiveTerm>,
+    /// ε below 75° of the fit at the nodes of its own tables; at most, where there is an additive term.
+    pub on_node: f64,
+    /// Warnings for the user, one line each.
+    pub warnings: Vec<String>,
+}
+
+/// Fits T and S to F of direct light, T_a and E to the rest; `heights` are the coarse ones, `error` is what was aimed at.
+pub fn fit_level(
+    f_fine: &FineTables,
+    f_coarse: &PatchReflectance,
+    heights: &HeightField,
+    sizes: TableSizes,
+    error: f64,
+    brdf: &Brdf,
+) -> LevelFit {
+    let FineTables { direct, interreflection } = f_fine;
+    let directions = TableDirections::new(sizes.directions);
+    let mut factors = fit_scaling(direct, f_coarse, &directions, sizes.rank);
+    let spatial = factors.stored_spatial(f_coarse, sizes.patches, heights.boundary());
+    let on_node = node_error(direct, f_coarse, &directions, &factors.spatial, &factors.angular);
+    let fitted = interreflection.as_ref().map(|light| {
+        fit_additive(light, heights, sizes.patches, &TableDirections::new(additive::directions_of(brdf)))
+    });
+    // both misses may add up, while of F the squares of its parts are counted alone
+    let on_node = fitted.as_ref().map_or(on_node, |fitted| {
+        let direct = mean_square(direct, &directions).sqrt();
+        (on_node * direct + fitted.missed) / direct.hypot(fitted.total).max(f64::MIN_POSITIVE)
+    });
+    let noise = interreflection.as_ref().and_then(|light| noise_warning(light.noise, error));
+    LevelFit {
         spatial,
-        directions: sizes.directions,
-        angular,
         on_node,
-        predicted,
-        alternatives,
-        warnings,
+        additive: fitted.map(|fitted| fitted.term),
+        warnings: scaling_warning(&factors.angular, direct, &directions).into_iter().chain(noise).collect(),
+        angular: factors.angular.iter().map(|s| full_table(s, directions.len())).collect(),
     }
 }
 
-/// The sizes that `settings` name.
-fn fixed_sizes(settings: &LevelSettings, cells: [usize; 2]) -> TableSizes {
-    let named = "sizes are fixed where nothing is to be chosen";
-    let patches = settings.patches.expect(named);
-    TableSizes {
-        patches: cells.map(|cells| patches.clamp(1, cells)),
-        directions: settings.directions.expect(named),
-        rank: settings.rank.expect(named),
-    }
-}
-
-/// F of both surfaces, and the coarse heights that it was found with.
-struct Tables {
-    directions: TableDirections,
-    heights: HeightField,
-    f_fine: PatchReflectance,
-    f_coarse: PatchReflectance,
-    noise: f64,
-}
-
-impl Tables {
-    /// The tables of these sizes; `smoothed` are the coarse heights where they are known already.
-    fn new(
-        fine: &FineSurface,
-        settings: &LevelSettings,
-        surface: &CoarseSurface<'_>,
-        sizes: TableSizes,
-        smoothed: Option<HeightField>,
-        on_stage: &mut dyn FnMut(&'static str),
+impl CoarseLevel {
+    /// A level of the results of its stages.
+    pub fn new(
+        heights: HeightField,
+        lobes: Vec<Vec<VmfLobe>>,
+        base_color: Option<Vec<[f32; 3]>>,
+        choice: Choice,
+        fit: LevelFit,
     ) -> Self {
-        let directions = TableDirections::new(sizes.directions);
-        let (f_fine, noise) = reflectance(fine, sizes.patches, &directions, settings, on_stage);
-        let heights = smoothed.unwrap_or_else(|| {
-            on_stage("smooth");
-            smoothing::smoothed(&fine.heights, settings.factor, surface, &f_fine, &directions)
-        });
-        on_stage("coarse");
-        let surface = CoarseSurface { heights: &heights, ..*surface };
-        let f_coarse = coarse_reflectance(&surface, sizes.patches, &directions);
-        Self { directions, heights, f_fine, f_coarse, noise }
-    }
-
-    /// The tables that a choice was made on, merged to these sizes.
-    fn of_scout(scout: Scout, sizes: TableSizes) -> Self {
-        let [f_fine, f_coarse] = scout.merged(sizes.patches);
-        let (directions, heights) = scout.into_parts();
-        Self { directions, heights, f_fine, f_coarse, noise: 0.0 }
+        let Choice { sizes, predicted, alternatives, .. } = choice;
+        let LevelFit { spatial, angular, additive, on_node, warnings } = fit;
+        Self {
+            heights,
+            lobes,
+            base_color,
+            patches: sizes.patches,
+            spatial,
+            directions: sizes.directions,
+            angular,
+            additive,
+            on_node,
+            predicted,
+            alternatives,
+            warnings,
+        }
     }
 }
 
@@ -129,12 +204,9 @@ fn limit_weights(lobes: &mut [Vec<VmfLobe>]) {
 /// S above this where light matters means that f_c is far off: reported, not hidden.
 const LARGEST_SCALE: f32 = 64.0;
 
-/// Noise of interreflection that goes unmentioned: what narrow lobes are allowed, and a third as much again.
-const UNMENTIONED_NOISE: f64 = 0.02;
-
-/// A line for the user if the paths of interreflection did not converge.
-fn noise_warning(noise: f64) -> Option<String> {
-    (noise > UNMENTIONED_NOISE).then(|| {
+/// A line for the user if the paths of interreflection ended with half as much noise again as they were allowed.
+fn noise_warning(noise: f64, error: f64) -> Option<String> {
+    (noise > 1.5 * NOISE_SHARE * error).then(|| {
         format!("interreflection is left with {:.1} % of noise: walls too steep, or a base too narrow", 100.0 * noise)
     })
 }

@@ -68,9 +68,9 @@ impl<'a> SortedSurface<'a> {
         assemble(&sums, &terms, &self.fine.brdf, directions)
     }
 
-    /// What every slot sees.
-    pub(super) fn bits(&self) -> &VisibilityBits {
-        &self.bits
+    /// What every slot sees of other directions than the table's own.
+    pub(super) fn sees(&self, directions: &TableDirections) -> VisibilityBits {
+        VisibilityBits::sweep(&self.fine.heights, &directions.vectors, self.grouping.slots.clone())
     }
 
     /// Texel of every slot.

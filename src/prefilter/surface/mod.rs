@@ -1,5 +1,6 @@
 //! From a height map and its base BRDF to one coarse level: what a height map meets on its way, in this order.
 
+pub mod additive;
 pub mod baselines;
 mod choice;
 pub mod coarse;
@@ -14,14 +15,18 @@ pub mod reflectance;
 mod smoothing;
 pub mod visibility;
 
-pub use choice::{Alternative, TableSizes};
-pub use compile::compile;
+pub use choice::{Alternative, Choice, TableSizes, choose};
+pub use compile::{
+    FineTables, LevelFit, base_gaussians, coarse_heights, coarse_table, compile, fine_tables, fit_level, level_lobes,
+};
 pub use downsample::coarse_cells;
 
 use crate::geometry::HeightField;
 use crate::material::Brdf;
+use additive::AdditiveTerm;
 use fine::SortedSurface;
-use interreflection::add_interreflection;
+pub use interreflection::Interreflection;
+use interreflection::{NOISE_SHARE, PathSettings, interreflection};
 use reflectance::{PatchReflectance, TableDirections};
 
 /// A fine surface: what is prefiltered.
@@ -40,7 +45,8 @@ pub struct FineSurface {
 pub enum LightTransport {
     /// Shadowing and masking of direct light.
     Direct,
-    /// Interreflection within the surface as well: the level under direct light is the original under all light.
+    /// Interreflection within the surface as well, in a term of its own: the level under direct light is the original
+    /// under all light.
     Baked,
 }
 
@@ -57,18 +63,20 @@ pub struct LevelSettings {
     pub rank: Option<usize>,
     /// vMF lobes a cell, 1 to 8; `None` chooses from the error of the normal distribution.
     pub lobes: Option<usize>,
-    /// The light that the scaling holds.
+    /// The light that the level holds.
     pub light: LightTransport,
-    /// ε below 75° that choices aim at.
+    /// ε below 75° to aim at, by the choice of sizes and by the paths of interreflection, whose noise may be an eighth of it.
     pub error: f64,
     /// Seed of the paths of interreflection and of the error measurement.
     pub seed: u64,
 }
 
 impl LevelSettings {
-    /// Whether M, N or rank are to be chosen.
-    pub fn has_choice(&self) -> bool {
-        self.patches.is_none() || self.directions.is_none() || self.rank.is_none()
+    /// The sizes of the tables of a level of so many cells, unless M, N or rank are to be chosen.
+    pub fn fixed_sizes(&self, cells: [usize; 2]) -> Option<TableSizes> {
+        let patches = self.patches?;
+        let patches = cells.map(|cells| patches.clamp(1, cells));
+        Some(TableSizes { patches, directions: self.directions?, rank: self.rank? })
     }
 }
 
@@ -100,7 +108,9 @@ pub struct CoarseLevel {
     pub directions: usize,
     /// S, `[rank][wo][wi]`, N² × N² directions, RGB.
     pub angular: Vec<Vec<[f32; 3]>>,
-    /// ε below 75° of the fit at the nodes of its own tables.
+    /// Interreflection, where the light holds any.
+    pub additive: Option<AdditiveTerm>,
+    /// ε below 75° of the fit at the nodes of its own tables; at most, where there is an additive term.
     pub on_node: f64,
     /// ε below 75° that was predicted when the tables' sizes were chosen; `None` where nothing was.
     pub predicted: Option<f64>,
@@ -110,24 +120,18 @@ pub struct CoarseLevel {
     pub warnings: Vec<String>,
 }
 
-/// F of the fine surface on the table directions, of the light that `settings` ask for, and its noise: root mean square
-/// error of the map's mean over that of F, 0 for direct light.
+/// F of the fine surface on `directions`: of direct light, and of light reflected twice or more.
 pub fn reflectance(
     fine: &FineSurface,
     patches: [usize; 2],
     directions: &TableDirections,
     settings: &LevelSettings,
-    on_stage: &mut dyn FnMut(&'static str),
-) -> (PatchReflectance, f64) {
-    let sorted = SortedSurface::new(fine, patches, directions, on_stage);
-    let direct = sorted.direct(directions, on_stage);
-    match settings.light {
-        LightTransport::Direct => (direct, 0.0),
-        LightTransport::Baked => {
-            on_stage("interreflect");
-            add_interreflection(fine, &sorted, &direct, patches, directions, settings.seed)
-        }
-    }
+) -> (PatchReflectance, Interreflection) {
+    let sorted = SortedSurface::new(fine, patches, directions, &mut |_| ());
+    let direct = sorted.direct(directions, &mut |_| ());
+    let paths = PathSettings { noise: NOISE_SHARE * settings.error, seed: settings.seed };
+    let interreflected = interreflection(fine, &sorted, &direct, patches, directions, paths);
+    (direct, interreflected)
 }
 
 /// Largest lobe weight, and largest T or S, that is kept: half floats end at 65504.
