@@ -17,21 +17,9 @@ use crate::material::ggx_gaussians;
 /// `group`, `visibility`, `fine`, `interreflect` unless the light is direct, `smooth`, `coarse`, `fit`. From `group` to
 /// `coarse` they are left out where the tables that the choice was made on serve as they are, and `smooth` after a choice.
 pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn FnMut(&'static str)) -> CoarseLevel {
-    on_stage("downsample");
-    let heights = downsample::downsample(&fine.heights, settings.factor);
-    on_stage("lobes");
-    let cells = heights.size();
-    let mut lobes = lobes::fit_lobes(&fine.heights, cells, settings.lobes);
-    limit_weights(&mut lobes);
-    let base_color = fine.color.as_ref().map(|color| cell_colors(color, fine.heights.size(), cells));
-    let gaussians = fine.brdf.specular.map_or_else(Vec::new, |conductor| ggx_gaussians(conductor.alpha));
-    let surface = CoarseSurface {
-        heights: &heights,
-        lobes: &lobes,
-        base_color: base_color.as_deref(),
-        brdf: &fine.brdf,
-        gaussians: &gaussians,
-    };
+    let parts = Parts::new(fine, settings, on_stage);
+    let surface = parts.surface(fine);
+    let cells = parts.heights.size();
     let scout = settings.has_choice().then(|| {
         on_stage("choose");
         Scout::new(fine, settings, &surface)
@@ -53,8 +41,8 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
     let Choice { alternatives, predicted, .. } = choice.unwrap_or_else(|| Choice::fixed(sizes));
     CoarseLevel {
         heights,
-        lobes,
-        base_color,
+        lobes: parts.lobes,
+        base_color: parts.base_color,
         patches: sizes.patches,
         spatial,
         directions: sizes.directions,
@@ -63,6 +51,57 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
         predicted,
         alternatives,
         warnings,
+    }
+}
+
+/// F of both surfaces of a level on tables of the sizes that `settings` name, as T and S are fitted to it.
+pub fn level_tables(fine: &FineSurface, settings: &LevelSettings) -> LevelTables {
+    let parts = Parts::new(fine, settings, &mut |_| {});
+    let sizes = fixed_sizes(settings, parts.heights.size());
+    let tables = Tables::new(fine, settings, &parts.surface(fine), sizes, None, &mut |_| {});
+    LevelTables { directions: tables.directions, fine: tables.f_fine, coarse: tables.f_coarse }
+}
+
+/// F of both surfaces of a level.
+#[derive(Clone, Debug)]
+pub struct LevelTables {
+    /// The directions.
+    pub directions: TableDirections,
+    /// F of the fine surface.
+    pub fine: PatchReflectance,
+    /// F of the coarse surface with f_c.
+    pub coarse: PatchReflectance,
+}
+
+/// What a level consists of before its scaling.
+struct Parts {
+    heights: HeightField,
+    lobes: Vec<Vec<VmfLobe>>,
+    base_color: Option<Vec<[f32; 3]>>,
+    gaussians: Vec<[f32; 2]>,
+}
+
+impl Parts {
+    fn new(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn FnMut(&'static str)) -> Self {
+        on_stage("downsample");
+        let heights = downsample::downsample(&fine.heights, settings.factor);
+        on_stage("lobes");
+        let cells = heights.size();
+        let mut lobes = lobes::fit_lobes(&fine.heights, cells, settings.lobes);
+        limit_weights(&mut lobes);
+        let base_color = fine.color.as_ref().map(|color| cell_colors(color, fine.heights.size(), cells));
+        let gaussians = fine.brdf.specular.map_or_else(Vec::new, |conductor| ggx_gaussians(conductor.alpha));
+        Self { heights, lobes, base_color, gaussians }
+    }
+
+    fn surface<'a>(&'a self, fine: &'a FineSurface) -> CoarseSurface<'a> {
+        CoarseSurface {
+            heights: &self.heights,
+            lobes: &self.lobes,
+            base_color: self.base_color.as_deref(),
+            brdf: &fine.brdf,
+            gaussians: &self.gaussians,
+        }
     }
 }
 

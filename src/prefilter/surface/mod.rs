@@ -15,7 +15,7 @@ mod smoothing;
 pub mod visibility;
 
 pub use choice::{Alternative, TableSizes};
-pub use compile::compile;
+pub use compile::{LevelTables, compile, level_tables};
 pub use downsample::coarse_cells;
 
 use crate::geometry::HeightField;
