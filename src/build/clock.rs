@@ -32,20 +32,20 @@ pub(super) fn peak_bytes() -> u64 {
 
 /// CPU seconds by stage, in the order in which stages began; a stage that begins twice is one.
 #[derive(Clone, Debug, Default)]
-pub(super) struct StageClock {
+pub(crate) struct StageClock {
     stages: Vec<(&'static str, f64)>,
     running: Option<(&'static str, f64)>,
 }
 
 impl StageClock {
     /// Ends the running stage and begins `stage`.
-    pub(super) fn begin(&mut self, stage: &'static str) {
+    pub(crate) fn begin(&mut self, stage: &'static str) {
         self.end();
         self.running = Some((stage, cpu_seconds()));
     }
 
     /// Ends the running stage.
-    pub(super) fn end(&mut self) {
+    pub(crate) fn end(&mut self) {
         let Some((stage, start)) = self.running.take() else { return };
         let seconds = cpu_seconds() - start;
         match self.stages.iter_mut().find(|(name, _)| *name == stage) {
@@ -55,7 +55,7 @@ impl StageClock {
     }
 
     /// The stages so far.
-    pub(super) fn stages(&self) -> &[(&'static str, f64)] {
+    pub(crate) fn stages(&self) -> &[(&'static str, f64)] {
         &self.stages
     }
 }

@@ -45,22 +45,36 @@ const BATCH: usize = 5;
 const TRIPLES: usize = 1280;
 
 /// Points per axis of a patch in each half: 4096 stratified points.
-const STRATA: usize = 64;
+const POINTS: usize = 64;
 
 /// Streams of [`Stream`] used here: directions, then two halves of points, then their paths.
 const DIRECTIONS: u64 = 1 << 40;
 const PATHS: u64 = 1 << 41;
 
-/// The measured error of `level`, the level as decoded from the asset's bytes.
+/// The patches and points that ε is measured over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Grid {
+    /// Patches along u and v.
+    pub patches: [usize; 2],
+    /// Points per axis of a patch in each half.
+    pub points: usize,
+}
+
+/// The measured error of `level`, the level as decoded from the asset's bytes, over the patches of its T.
 pub fn measure(reference: &Reference<'_>, level: &SurfaceLevel) -> LevelError {
+    measure_over(reference, level, Grid { patches: level.patches, points: POINTS })
+}
+
+/// [`measure`] over other patches: figures of levels with different T compare on one grid only.
+pub fn measure_over(reference: &Reference<'_>, level: &SurfaceLevel, grid: Grid) -> LevelError {
     let coarse = coarse_field(reference, level);
     let tracers = [HeightTracer::new(&reference.fine.heights), HeightTracer::new(&coarse)];
-    let patches = level.patches[0] * level.patches[1];
+    let patches = grid.patches[0] * grid.patches[1];
     let batches = TRIPLES.div_ceil(patches * BATCH * (BATCH - 1) / 2);
     let tasks: Vec<[usize; 2]> = (0..patches).flat_map(|patch| (0..batches).map(move |batch| [patch, batch])).collect();
     let triples: Vec<Triple> = tasks
         .par_iter()
-        .flat_map_iter(|&[patch, batch]| measure_batch(reference, level, &tracers, patch, batch))
+        .flat_map_iter(|&[patch, batch]| measure_batch(reference, level, &tracers, grid, [patch, batch]))
         .collect();
     // jackknife over patches; a map with few patches is resampled by its batches
     let group = |triple: &Triple| if patches >= 4 { triple.patch } else { triple.batch };
@@ -103,8 +117,8 @@ fn measure_batch(
     reference: &Reference<'_>,
     level: &SurfaceLevel,
     tracers: &[HeightTracer<'_>; 2],
-    patch: usize,
-    batch: usize,
+    grid: Grid,
+    [patch, batch]: [usize; 2],
 ) -> Vec<Triple> {
     let stream = Stream::new(reference.seed, DIRECTIONS + patch as u64);
     let square = |k: usize| stream.uniform_pair((batch * BATCH + k) as u64);
@@ -113,7 +127,7 @@ fn measure_batch(
     let mut cells = CellCache::new(reference, level, &directions, &pairs);
     let halves = [0, 1].map(|half| {
         let seed = reference.seed ^ (2 * batch as u64 + half + 1);
-        let sampling = PatchSampling::of_grid(level.patches, patch, STRATA, seed);
+        let sampling = PatchSampling::of_grid(grid.patches, patch, grid.points, seed);
         let fine = fine_sums(reference, &tracers[0], &sampling, &directions, &pairs);
         let coarse = coarse_sums(level, reference.boundary, &tracers[1], &sampling, &directions, &pairs, &mut cells);
         (fine, coarse)
@@ -161,7 +175,7 @@ fn fine_sums(
             }
         }
     });
-    mean(sums)
+    mean(sums, sampling.strata)
 }
 
 /// F of the coarse surface with f_low and the additive term for every pair (ωi, ωo), RGB.
@@ -200,11 +214,11 @@ fn coarse_sums(
             }
         }
     });
-    mean(sums)
+    mean(sums, sampling.strata)
 }
 
-fn mean(sums: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
-    sums.into_iter().map(|sum| sum.map(|x| x / (STRATA * STRATA) as f64)).collect()
+fn mean(sums: Vec<[f64; 3]>, strata: usize) -> Vec<[f64; 3]> {
+    sums.into_iter().map(|sum| sum.map(|x| x / (strata * strata) as f64)).collect()
 }
 
 /// N_c/(P_c P_c) of the cells of a patch for the pairs of a batch, found when first asked for.

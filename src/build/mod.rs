@@ -8,6 +8,7 @@ pub(crate) mod clock;
 mod condition;
 pub mod encode;
 pub(crate) mod input;
+pub(crate) mod level;
 pub mod level_error;
 pub mod manifest;
 pub mod models;

@@ -3,15 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use formats::asset::{DOCUMENT, SurfaceAsset, SurfaceLevel};
+use formats::asset::DOCUMENT;
 
-use super::clock::{StageClock, peak_bytes};
-use super::encode::{self, surface_asset, surface_level};
-use super::level_error::{Reference, measure};
+use super::clock::StageClock;
+use super::encode::{self, surface_asset};
+use super::level::{self, BuiltLevel};
 use super::record::{self, LevelRecord, StageSeconds};
 use super::{Input, Plan, SurfaceSpec, input};
 use crate::io::publish::Publisher;
-use crate::prefilter::surface::{LevelSettings, compile};
 
 /// What happens during a build, for whoever watches.
 #[derive(Clone, Copy, Debug)]
@@ -81,14 +80,6 @@ pub fn build(plan: &Plan, out: &Path, publisher: &Publisher, on_event: &mut dyn 
     outcome
 }
 
-/// A level on its way into the asset.
-struct Built {
-    level: SurfaceLevel,
-    on_node: f64,
-    clock: StageClock,
-    peak_bytes: u64,
-}
-
 /// Builds and publishes one surface; the error is one line.
 fn build_surface(
     spec: &SurfaceSpec,
@@ -122,82 +113,32 @@ fn build_surface(
     Ok(records)
 }
 
-/// Compiles level `index` and measures what its bytes say.
+/// Builds level `index` and says what it reached.
 fn build_level(
     spec: &SurfaceSpec,
     input: &Input,
     index: usize,
-    mut clock: StageClock,
+    clock: StageClock,
     on_event: &mut dyn FnMut(Event<'_>),
-) -> Result<Built, String> {
-    let (name, levels, settings) = (spec.name.as_str(), spec.levels.len(), &spec.levels[index - 1]);
-    let mut enter = |clock: &mut StageClock, stage| {
-        clock.begin(stage);
-        on_event(Event::Stage { name, level: index, levels, stage });
-    };
-    let mut aim = settings.error;
-    let (asset, on_node, error, warnings) = loop {
-        let aimed = LevelSettings { error: aim, ..*settings };
-        let coarse = compile(&input.fine, &aimed, &mut |stage| enter(&mut clock, stage));
-        let (on_node, predicted, warnings) = (coarse.on_node, coarse.predicted, coarse.warnings.clone());
-        enter(&mut clock, "encode");
-        let level = surface_level(index, &input.fine.heights, coarse);
-        let asset = surface_asset(spec, input, vec![level]);
-        let decoded = through_bytes(&asset)?;
-        enter(&mut clock, "measure");
-        let reference = Reference {
-            fine: &input.fine,
-            bsdf: &decoded.bsdf,
-            light: decoded.light,
-            size: decoded.size,
-            boundary: decoded.boundary,
-            on_node,
-            seed: settings.seed,
-        };
-        let error = measure(&reference, &decoded.levels[0]);
-        match lower_aim(settings.error, aim, predicted, error.below_75.value) {
-            Some(lower) => aim = lower,
-            None => break (asset, on_node, error, warnings),
-        }
-    };
-    clock.end();
-    let missed = Some(error.below_75.value).filter(|value| *value > spec.error());
-    let limited_by = missed.map(|_| "model".to_string());
-    if let Some(value) = missed {
-        let [value, target] = [value, spec.error()].map(|e| e * 100.0);
+) -> Result<BuiltLevel, String> {
+    let (name, levels) = (spec.name.as_str(), spec.levels.len());
+    let mut on_stage = |stage| on_event(Event::Stage { name, level: index, levels, stage });
+    let mut built = level::build_level(spec, input, index, clock, &mut on_stage)?;
+    let reached = built.error.below_75.value;
+    if reached > spec.error() {
+        built.level.limited_by = Some("model".into());
+        let [value, target] = [reached, spec.error()].map(|e| e * 100.0);
         let text = format!("level {index} reaches an error of {value:.2} % below 75°; wanted {target:.2} %");
         on_event(Event::Warning { name, text: &text });
     }
-    for text in &warnings {
+    for text in &built.warnings {
         on_event(Event::Warning { name, text: &format!("level {index}: {text}") });
     }
-    let [level] = <[SurfaceLevel; 1]>::try_from(asset.levels).map_err(|_| "one level went in".to_string())?;
-    Ok(Built {
-        level: SurfaceLevel { error: Some(error), limited_by, ..level },
-        on_node,
-        clock,
-        peak_bytes: peak_bytes(),
-    })
-}
-
-/// What to aim at once more, where sizes were chosen that should have reached `target` and did not.
-///
-/// The prediction is of direct light and knows nothing of bins and prototypes; it is trusted again in proportion.
-fn lower_aim(target: f64, aim: f64, predicted: Option<f64>, measured: f64) -> Option<f64> {
-    /// Tried again twice at most: twice the half of what was aimed at is beyond all sizes.
-    const LEAST_AIM: f64 = 0.25;
-    let was_reached = predicted.is_some_and(|predicted| predicted <= aim);
-    let lower = aim * (target / measured).clamp(0.5, 0.9);
-    (measured > target && was_reached && lower >= LEAST_AIM * target).then_some(lower)
-}
-
-/// The asset as its reader sees it.
-fn through_bytes(asset: &SurfaceAsset) -> Result<SurfaceAsset, String> {
-    asset.encode().and_then(|files| encode::decoded(&files)).map_err(|error| error.to_string())
+    Ok(built)
 }
 
 /// What a level cost and reached.
-fn record_of(spec: &SurfaceSpec, built: Built, files: &BTreeMap<String, Vec<u8>>, digest: &str) -> LevelRecord {
+fn record_of(spec: &SurfaceSpec, built: BuiltLevel, files: &BTreeMap<String, Vec<u8>>, digest: &str) -> LevelRecord {
     let stage = |&(stage, cpu_seconds): &(&'static str, f64)| StageSeconds { stage: stage.into(), cpu_seconds };
     LevelRecord {
         name: spec.name.clone(),
@@ -206,7 +147,7 @@ fn record_of(spec: &SurfaceSpec, built: Built, files: &BTreeMap<String, Vec<u8>>
         cells: built.level.cells,
         lobes: built.level.lobes.len(),
         on_node: built.on_node,
-        error: built.level.error,
+        error: Some(built.error),
         target: spec.error(),
         stages: built.clock.stages().iter().map(stage).collect(),
         bytes: encode::bytes_by_part(files, built.level.index),

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use formats::asset::MAX_LEVELS;
 
+use crate::report::tradeoff::TARGETS;
+
 /// The version; whoever packages a certain commit names it in `FARFIELD_VERSION` at compile time.
 const VERSION: &str = match option_env!("FARFIELD_VERSION") {
     Some(version) => version,
@@ -40,6 +42,8 @@ pub(super) enum Command {
     Render(RenderArgs),
     /// Compare assets with their originals, and report the difference
     Verify(VerifyArgs),
+    /// Sweep the error target of a surface: speed and size against error
+    Tradeoff(TradeoffArgs),
     /// Show what is in an asset, and check its hashes
     Inspect(InspectArgs),
 }
@@ -207,6 +211,46 @@ pub(super) struct VerifyArgs {
     /// Report every image
     #[arg(short, long, conflicts_with = "quiet")]
     pub(super) verbose: bool,
+    /// Report warnings and errors alone
+    #[arg(short, long)]
+    pub(super) quiet: bool,
+}
+
+/// `farfield tradeoff`.
+#[derive(Args, Debug)]
+pub(super) struct TradeoffArgs {
+    /// The surface
+    pub(super) name: String,
+    /// The manifest
+    #[arg(short, long, value_name = "FILE", default_value = "farfield.toml")]
+    pub(super) manifest: PathBuf,
+    /// Error targets, ε below 75° as fractions, separated by commas
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = parse_error, default_values_t = TARGETS)]
+    pub(super) errors: Vec<f64>,
+    /// Take the factorisation apart instead: singular values, every size, other ways to T and S
+    #[arg(long, conflicts_with_all = ["errors", "size", "spp"])]
+    pub(super) study: bool,
+    /// Folder of the table and the plot: DIR/tradeoff-NAME.txt, .json, .svg; DIR/study-NAME.txt, .json
+    #[arg(long, value_name = "DIR", default_value = "report")]
+    pub(super) report: PathBuf,
+    /// This level alone, from 1
+    #[arg(long, value_name = "INDEX", value_parser = parse_level)]
+    pub(super) level: Option<usize>,
+    /// Pixels a side of the images
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(8..=512))]
+    pub(super) size: u32,
+    /// Samples a pixel of each of the two halves of an image
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(4..=65536))]
+    pub(super) spp: u32,
+    /// Seed of the images
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Threads [default: one a processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(super) jobs: Option<u16>,
+    /// One JSON object a line on stdout
+    #[arg(long)]
+    pub(super) json: bool,
     /// Report warnings and errors alone
     #[arg(short, long)]
     pub(super) quiet: bool,

@@ -9,6 +9,7 @@ mod init;
 mod inspect;
 mod progress;
 mod render;
+mod tradeoff;
 mod verify;
 
 use std::io::Write;
@@ -41,6 +42,7 @@ pub fn main() -> ExitCode {
         Command::Build(args) => build::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Verify(args) => verify::run(&args),
+        Command::Tradeoff(args) => tradeoff::run(&args),
         Command::Inspect(args) => inspect::run(&args),
     })
 }

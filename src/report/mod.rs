@@ -14,6 +14,7 @@ mod planned;
 pub mod summary;
 pub mod svg;
 mod table;
+pub mod tradeoff;
 pub mod verification;
 mod verified;
 pub mod verify;

@@ -20,27 +20,69 @@ use crate::material::{Brdf, ggx_gaussians};
 /// `group`, `visibility`, `fine`, `interreflect` unless the light is direct, `smooth`, `coarse`, `fit`. From `group` to
 /// `coarse` they are left out where the tables that the choice was made on serve as they are, and `smooth` after a choice.
 pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn FnMut(&'static str)) -> CoarseLevel {
-    on_stage("downsample");
-    let heights = downsample::downsample(&fine.heights, settings.factor);
-    on_stage("lobes");
-    let cells = heights.size();
-    let lobes = level_lobes(&fine.heights, cells, settings.lobes);
-    let base_color = fine.color.as_ref().map(|color| cell_colors(color, fine.heights.size(), cells));
-    let gaussians = base_gaussians(&fine.brdf);
-    let surface = CoarseSurface {
-        heights: &heights,
-        lobes: &lobes,
-        base_color: base_color.as_deref(),
-        brdf: &fine.brdf,
-        gaussians: &gaussians,
-    };
+    let parts = Parts::new(fine, settings, on_stage);
+    let surface = parts.surface(fine);
     let choice = choose(fine, settings, &surface, on_stage);
     let f_fine = fine_tables(fine, &choice, settings, on_stage);
     let heights = coarse_heights(&fine.heights, &choice, settings, &surface, &f_fine, on_stage);
     let f_coarse = coarse_table(&choice, &CoarseSurface { heights: &heights, ..surface }, on_stage);
     on_stage("fit");
     let fit = fit_level(&f_fine, &f_coarse, &heights, choice.sizes, settings.error, &fine.brdf);
-    CoarseLevel::new(heights, lobes, base_color, choice, fit)
+    CoarseLevel::new(heights, parts.lobes, parts.base_color, choice, fit)
+}
+
+/// F of both surfaces of a level under direct light, as T and S are fitted to it, on tables of the sizes that `settings`
+/// name or leave to be chosen.
+pub fn level_tables(fine: &FineSurface, settings: &LevelSettings) -> LevelTables {
+    let settings = LevelSettings { light: LightTransport::Direct, ..*settings };
+    let parts = Parts::new(fine, &settings, &mut |_| {});
+    let surface = parts.surface(fine);
+    let choice = choose(fine, &settings, &surface, &mut |_| {});
+    let f_fine = fine_tables(fine, &choice, &settings, &mut |_| {});
+    let heights = coarse_heights(&fine.heights, &choice, &settings, &surface, &f_fine, &mut |_| {});
+    let coarse = coarse_table(&choice, &CoarseSurface { heights: &heights, ..surface }, &mut |_| {});
+    LevelTables { directions: TableDirections::new(choice.sizes.directions), fine: f_fine.direct, coarse }
+}
+
+/// F of both surfaces of a level.
+#[derive(Clone, Debug)]
+pub struct LevelTables {
+    /// The directions.
+    pub directions: TableDirections,
+    /// F of the fine surface.
+    pub fine: PatchReflectance,
+    /// F of the coarse surface with f_c.
+    pub coarse: PatchReflectance,
+}
+
+/// What a level consists of before its scaling.
+struct Parts {
+    heights: HeightField,
+    lobes: Vec<Vec<VmfLobe>>,
+    base_color: Option<Vec<[f32; 3]>>,
+    gaussians: Vec<[f32; 2]>,
+}
+
+impl Parts {
+    fn new(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn FnMut(&'static str)) -> Self {
+        on_stage("downsample");
+        let heights = downsample::downsample(&fine.heights, settings.factor);
+        on_stage("lobes");
+        let cells = heights.size();
+        let lobes = level_lobes(&fine.heights, cells, settings.lobes);
+        let base_color = fine.color.as_ref().map(|color| cell_colors(color, fine.heights.size(), cells));
+        Self { heights, lobes, base_color, gaussians: base_gaussians(&fine.brdf) }
+    }
+
+    fn surface<'a>(&'a self, fine: &'a FineSurface) -> CoarseSurface<'a> {
+        CoarseSurface {
+            heights: &self.heights,
+            lobes: &self.lobes,
+            base_color: self.base_color.as_deref(),
+            brdf: &fine.brdf,
+            gaussians: &self.gaussians,
+        }
+    }
 }
 
 /// The lobes of a level of `cells` cells, `[lobe][cell]`, in weights that can be stored.

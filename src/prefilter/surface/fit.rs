@@ -4,6 +4,7 @@
 //! Every quotient carries a prior that pulls S to 1 where neither surface reflects anything: nothing is ever divided by
 //! a number near 0. The weight of a pair of directions is its solid angle, as in ε: F holds both cosines already.
 
+pub mod rivals;
 mod stored;
 
 pub(super) use stored::part_means;
@@ -125,6 +126,11 @@ fn keep_positive(texels: &[Vec<f64>], means: &[Vec<f64>], angular: &mut [Vec<f64
         any = true;
     }
     any
+}
+
+/// Mean of the rows of a table.
+fn mean_table(rows: &[Vec<f64>]) -> Vec<f64> {
+    (0..rows[0].len()).map(|k| rows.iter().map(|row| row[k]).sum::<f64>() / rows.len() as f64).collect()
 }
 
 /// Solid-angle weight of each pair: 2 for i ≠ o, which stands for both orders.
@@ -336,6 +342,15 @@ impl Normal {
     }
 }
 
+/// Which pairs of directions an error is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Polar {
+    /// Both directions below 75°.
+    Below75,
+    /// At least one of them above.
+    Above75,
+}
+
 /// ε at the nodes: √(Σ(ΣTS·F_coarse − F_fine)² / ΣF_fine²) over patches, channels and pairs below 75°.
 pub(super) fn node_error(
     fine: &PatchReflectance,
@@ -344,23 +359,37 @@ pub(super) fn node_error(
     spatial: &[Vec<[f32; 3]>],
     angular: &[Vec<[f32; 3]>],
 ) -> f64 {
+    node_figures(fine, coarse, directions, [spatial, angular], Polar::Below75)[0]
+}
+
+/// ε at the nodes over some pairs, and the bias Σ(ΣTS·F_coarse − F_fine) / ΣF_fine; T and S are the `factors`.
+pub fn node_figures(
+    fine: &PatchReflectance,
+    coarse: &PatchReflectance,
+    directions: &TableDirections,
+    [spatial, angular]: [&[Vec<[f32; 3]>]; 2],
+    polar: Polar,
+) -> [f64; 2] {
     let below: Vec<bool> = directions.vectors.iter().map(|w| w[2] > COS_75).collect();
-    let [mut error, mut total] = [0.0; 2];
+    let [mut square, mut squares, mut difference, mut total] = [0.0; 4];
     for patch in 0..fine.patch_count() {
         for channel in 0..3 {
             let (f, c) = (fine.channel(patch, channel), coarse.channel(patch, channel));
-            for i in (0..directions.len()).filter(|&i| below[i]) {
-                for o in (0..=i).filter(|&o| below[o]) {
+            for i in 0..directions.len() {
+                for o in (0..=i).filter(|&o| (below[i] && below[o]) == (polar == Polar::Below75)) {
                     let k = pair(i, o);
                     let weight = if i == o { 1.0 } else { 2.0 };
                     let scale: f32 = spatial.iter().zip(angular).map(|(t, s)| t[patch][channel] * s[k][channel]).sum();
-                    error += weight * f64::from(scale * c[k] - f[k]).powi(2);
-                    total += weight * f64::from(f[k]).powi(2);
+                    let off = f64::from(scale * c[k] - f[k]);
+                    square += weight * off.powi(2);
+                    difference += weight * off;
+                    squares += weight * f64::from(f[k]).powi(2);
+                    total += weight * f64::from(f[k]);
                 }
             }
         }
     }
-    if total > 0.0 { (error / total).sqrt() } else { 0.0 }
+    if squares > 0.0 { [(square / squares).sqrt(), difference / total] } else { [0.0; 2] }
 }
 
 /// Mean square of F over patches, channels and pairs below 75°.

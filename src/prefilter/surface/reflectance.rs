@@ -120,6 +120,11 @@ impl PatchReflectance {
         self.pairs
     }
 
+    /// Number of directions that the pairs are of: n with n(n + 1)/2 pairs.
+    pub fn direction_count(&self) -> usize {
+        ((2 * self.pairs) as f64).sqrt() as usize
+    }
+
     /// F of one patch and channel for all pairs, in [`pair`] order.
     #[inline]
     pub fn channel(&self, patch: usize, channel: usize) -> &[f32] {

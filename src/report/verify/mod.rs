@@ -4,7 +4,7 @@
 //! are different, so that the noise of one says nothing of the other.
 
 mod level;
-mod setups;
+pub(super) mod setups;
 mod timed;
 
 use std::path::Path;
@@ -167,9 +167,8 @@ impl Surface {
                 spec.name
             ));
         }
-        let [low, high] = input.fine.heights.range().map(f64::from);
         let texels = input.fine.heights.size();
-        let subject = Subject { size: spec.size, texels, boundary: spec.boundary, relief: high - low };
+        let subject = Subject::new(spec, &input.fine.heights);
         let source = |role: &str, digest: &str| SourceFile {
             role: role.into(),
             digest: digest.into(),

@@ -4,7 +4,8 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use crate::geometry::Boundary;
+use crate::build::SurfaceSpec;
+use crate::geometry::{Boundary, HeightField};
 use crate::report::verification::{Light, LightSetting, View, ViewSetting};
 use crate::transport::camera::{Camera, Projection};
 use crate::transport::light::{self, AreaLight, DirectionalLight, ImageLight, Lights};
@@ -24,24 +25,24 @@ const SKY_SIZE: [usize; 2] = [256, 128];
 
 /// What is photographed: where its levels are seen from.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Subject {
+pub(in crate::report) struct Subject {
     /// Metres covered by the map.
-    pub(super) size: [f64; 2],
+    pub(in crate::report) size: [f64; 2],
     /// Source texels along u and v.
-    pub(super) texels: [usize; 2],
+    pub(in crate::report) texels: [usize; 2],
     /// What lies beyond the map.
-    pub(super) boundary: Boundary,
+    pub(in crate::report) boundary: Boundary,
     /// Metres from the lowest to the highest point.
-    pub(super) relief: f64,
+    pub(in crate::report) relief: f64,
 }
 
 /// A camera and how many tiles it needs.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shot {
-    pub(super) camera: Camera,
-    pub(super) tiles: [u32; 2],
+pub(in crate::report) struct Shot {
+    pub(in crate::report) camera: Camera,
+    pub(in crate::report) tiles: [u32; 2],
     /// Metres across the image.
-    pub(super) width: f64,
+    pub(in crate::report) width: f64,
 }
 
 /// Tiles beyond the image on either side, for shadows and slanted rays that start outside of it.
@@ -50,8 +51,14 @@ const MARGIN_TILES: f64 = 1.0;
 const CLAMP_SHARE: f64 = 0.8;
 
 impl Subject {
+    /// The map of `spec`, as read.
+    pub(in crate::report) fn new(spec: &SurfaceSpec, heights: &HeightField) -> Self {
+        let [low, high] = heights.range().map(f64::from);
+        Self { size: spec.size, texels: heights.size(), boundary: spec.boundary, relief: high - low }
+    }
+
     /// The parallel view of `view` in which a pixel's footprint is `texels` source texels (the root of its area).
-    pub(super) fn shot(&self, view: View, texels: f64, pixels: usize) -> Shot {
+    pub(in crate::report) fn shot(&self, view: View, texels: f64, pixels: usize) -> Shot {
         let polar = view.degrees().to_radians();
         let texel = (self.size[0] / self.texels[0] as f64 * (self.size[1] / self.texels[1] as f64)).sqrt();
         // the footprint is longer by 1/cos along the view
@@ -76,7 +83,7 @@ impl Subject {
 }
 
 /// The light `light` for an image of `width` metres.
-pub(super) fn lights(light: Light, width: f64, relief: f64) -> Lights {
+pub(in crate::report) fn lights(light: Light, width: f64, relief: f64) -> Lights {
     Lights::new(vec![match light {
         Light::Area => {
             let scale = width.max(4.0 * relief);
