@@ -10,6 +10,7 @@ pub mod lobes;
 pub mod published;
 pub mod reflectance;
 mod smoothing;
+pub mod splits;
 pub mod visibility;
 
 pub use downsample::coarse_cells;

@@ -57,7 +57,7 @@ struct Scene<'a> {
     fine: &'a FineSurface,
     tracer: HeightTracer<'a>,
     sorted: &'a SortedSurface<'a>,
-    /// Slot of every texel.
+    /// Slot of every place.
     slot_of: Vec<u32>,
     directions: &'a TableDirections,
     patches: [usize; 2],
@@ -76,15 +76,16 @@ pub(super) fn add_interreflection(
     directions: &TableDirections,
     seed: u64,
 ) -> (PatchReflectance, f64) {
-    let texels = fine.heights.size()[0] * fine.heights.size()[1];
-    let mut slot_of = vec![0; texels];
-    for (slot, &texel) in sorted.slots().iter().enumerate() {
-        if let Some(place) = slot_of.get_mut(texel as usize) {
-            *place = slot as u32;
+    let mut slot_of = vec![0; sorted.splits().places()];
+    for (slot, &place) in sorted.slots().iter().enumerate() {
+        if let Some(own) = slot_of.get_mut(place as usize) {
+            *own = slot as u32;
         }
     }
     let tracer = HeightTracer::new(&fine.heights);
-    let areas = (0..patches[0] * patches[1]).map(|patch| PatchArea::new(&fine.heights, patches, patch)).collect();
+    let areas = (0..patches[0] * patches[1])
+        .map(|patch| PatchArea::new(&fine.heights, sorted.splits(), patches, patch))
+        .collect();
     let scene = Scene { fine, tracer, sorted, slot_of, directions, patches, areas, gray: is_gray(fine) };
     let mut halves = [0, 1].map(|_| Sums::new(&scene));
     let tolerated = tolerated_noise(&fine.brdf);
