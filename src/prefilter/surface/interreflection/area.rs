@@ -12,6 +12,8 @@ pub(super) struct PatchArea {
     rows: Range<usize>,
     /// Area of all rows up to and with each, in texels of the base.
     cumulative: Vec<f64>,
+    /// Area within a row up to and with each of its texels, row after row.
+    within: Vec<f32>,
 }
 
 impl PatchArea {
@@ -30,14 +32,17 @@ impl PatchArea {
             from..(from..size[axis]).find(|&texel| !own(texel)).unwrap_or(size[axis])
         });
         let mut total = 0.0;
-        let cumulative = rows
-            .clone()
-            .map(|row| {
-                total += columns.clone().map(|column| texel_area(heights, splits, column, row)).sum::<f64>();
-                total
-            })
-            .collect();
-        Self { columns, rows, cumulative }
+        let mut area = Self { columns, rows, cumulative: Vec::new(), within: Vec::new() };
+        for row in area.rows.clone() {
+            let mut within = 0.0;
+            for column in area.columns.clone() {
+                within += texel_area(heights, splits, column, row);
+                area.within.push(within as f32);
+            }
+            total += within;
+            area.cumulative.push(total);
+        }
+        area
     }
 
     /// Area per base area.
@@ -52,13 +57,17 @@ impl PatchArea {
         let at = self.cumulative.partition_point(|&area| area <= x[1] * total).min(self.rows.len() - 1);
         let row = self.rows.start + at;
         let before = if at == 0 { 0.0 } else { self.cumulative[at - 1] };
-        let mut rest = x[0] * (self.cumulative[at] - before);
-        let texels = self.columns.clone().map(|column| row * heights.size()[0] + column);
-        let place = texels.flat_map(|texel| splits.places_of(texel)).find(|&place| {
+        let along = x[0] * (self.cumulative[at] - before);
+        let within = &self.within[at * self.columns.len()..][..self.columns.len()];
+        let column = within.partition_point(|&area| f64::from(area) <= along).min(within.len() - 1);
+        let mut rest = along - if column == 0 { 0.0 } else { f64::from(within[column - 1]) };
+        let mut places = splits.places_of(row * heights.size()[0] + self.columns.start + column);
+        let last = places.end - 1;
+        let place = places.find(|&place| {
             rest -= place_area(heights, splits, place);
             rest < 0.0
         });
-        place.unwrap_or_else(|| splits.places_of(row * heights.size()[0] + self.columns.end - 1).end - 1)
+        place.unwrap_or(last)
     }
 }
 
