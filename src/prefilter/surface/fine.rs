@@ -7,7 +7,7 @@
 //! ```
 //!
 //! (4.6)–(4.8) without sampling noise. The mean runs over finer bins of normals than the groups: a narrow NDF needs
-//! them, visibility does not. Each fine bin is stood for by its mean slope, which keeps the visible area exact.
+//! them, visibility does not. Steep texels are taken in parts ([`Splits`]), which are grouped apart by their share. Each fine bin is stood for by its mean slope, which keeps the visible area exact.
 
 mod grouping;
 
@@ -15,6 +15,7 @@ use super::FineSurface;
 use super::reflectance::{
     Part, PatchReflectance, TableDirections, Term, assemble, pair, pair_count, row_ranges, terms, tint,
 };
+use super::splits::Splits;
 use super::visibility::VisibilityBits;
 use crate::math::simd;
 use grouping::{Bin, Facet, Grouping, group_texels};
@@ -52,7 +53,8 @@ impl<'a> SortedSurface<'a> {
         on_stage("group");
         let grouping = group_texels(fine, patches, pair_count(directions.len()));
         on_stage("visibility");
-        let bits = VisibilityBits::sweep(&fine.heights, &directions.vectors, grouping.slots.clone());
+        let (splits, slots) = (&grouping.splits, grouping.slots.clone());
+        let bits = VisibilityBits::sweep_places(&fine.heights, splits, &directions.vectors, slots);
         Self { fine, grouping, bits }
     }
 
@@ -70,10 +72,16 @@ impl<'a> SortedSurface<'a> {
 
     /// What every slot sees of other directions than the table's own.
     pub(super) fn sees(&self, directions: &TableDirections) -> VisibilityBits {
-        VisibilityBits::sweep(&self.fine.heights, &directions.vectors, self.grouping.slots.clone())
+        let slots = self.grouping.slots.clone();
+        VisibilityBits::sweep_places(&self.fine.heights, &self.grouping.splits, &directions.vectors, slots)
     }
 
-    /// Texel of every slot.
+    /// The steep texels' parts.
+    pub(super) fn splits(&self) -> &Splits {
+        &self.grouping.splits
+    }
+
+    /// Place of every slot.
     pub(super) fn slots(&self) -> &[u32] {
         &self.grouping.slots
     }

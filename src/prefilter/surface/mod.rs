@@ -13,6 +13,7 @@ pub mod lobes;
 pub mod published;
 pub mod reflectance;
 mod smoothing;
+pub mod splits;
 pub mod visibility;
 
 pub use choice::{Alternative, Choice, TableSizes, choose};

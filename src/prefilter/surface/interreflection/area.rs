@@ -1,6 +1,7 @@
-//! Texels of a patch by the area of their surface.
+//! Places of a patch by the area of their surface.
 
 use super::super::patch_of;
+use super::super::splits::Splits;
 use crate::geometry::HeightField;
 use glam::Vec3;
 use std::ops::Range;
@@ -11,11 +12,13 @@ pub(super) struct PatchArea {
     rows: Range<usize>,
     /// Area of all rows up to and with each, in texels of the base.
     cumulative: Vec<f64>,
+    /// Area within a row up to and with each of its texels, row after row.
+    within: Vec<f32>,
 }
 
 impl PatchArea {
     /// Of patch `patch` (row-major) of `patches`.
-    pub(super) fn new(heights: &HeightField, patches: [usize; 2], patch: usize) -> Self {
+    pub(super) fn new(heights: &HeightField, splits: &Splits, patches: [usize; 2], patch: usize) -> Self {
         let size = heights.size();
         let at = [patch % patches[0], patch / patches[0]];
         let [columns, rows] = [0, 1].map(|axis| {
@@ -29,14 +32,17 @@ impl PatchArea {
             from..(from..size[axis]).find(|&texel| !own(texel)).unwrap_or(size[axis])
         });
         let mut total = 0.0;
-        let cumulative = rows
-            .clone()
-            .map(|row| {
-                total += columns.clone().map(|column| texel_area(heights, column, row)).sum::<f64>();
-                total
-            })
-            .collect();
-        Self { columns, rows, cumulative }
+        let mut area = Self { columns, rows, cumulative: Vec::new(), within: Vec::new() };
+        for row in area.rows.clone() {
+            let mut within = 0.0;
+            for column in area.columns.clone() {
+                within += texel_area(heights, splits, column, row);
+                area.within.push(within as f32);
+            }
+            total += within;
+            area.cumulative.push(total);
+        }
+        area
     }
 
     /// Area per base area.
@@ -45,25 +51,35 @@ impl PatchArea {
         self.cumulative.last().map_or(1.0, |total| total / texels as f64)
     }
 
-    /// The texel [u, v] at the fractions `x` of the area: along v over rows, along u within the row.
-    pub(super) fn texel(&self, heights: &HeightField, x: [f64; 2]) -> [usize; 2] {
+    /// The place at the fractions `x` of the area: along v over rows, along u within the row, texel by texel.
+    pub(super) fn place(&self, heights: &HeightField, splits: &Splits, x: [f64; 2]) -> usize {
         let total = self.cumulative.last().copied().unwrap_or(0.0);
-        let place = self.cumulative.partition_point(|&area| area <= x[1] * total).min(self.rows.len() - 1);
-        let row = self.rows.start + place;
-        let before = if place == 0 { 0.0 } else { self.cumulative[place - 1] };
-        let mut rest = x[0] * (self.cumulative[place] - before);
-        let column = self.columns.clone().find(|&column| {
-            rest -= texel_area(heights, column, row);
+        let at = self.cumulative.partition_point(|&area| area <= x[1] * total).min(self.rows.len() - 1);
+        let row = self.rows.start + at;
+        let before = if at == 0 { 0.0 } else { self.cumulative[at - 1] };
+        let along = x[0] * (self.cumulative[at] - before);
+        let within = &self.within[at * self.columns.len()..][..self.columns.len()];
+        let column = within.partition_point(|&area| f64::from(area) <= along).min(within.len() - 1);
+        let mut rest = along - if column == 0 { 0.0 } else { f64::from(within[column - 1]) };
+        let mut places = splits.places_of(row * heights.size()[0] + self.columns.start + column);
+        let last = places.end - 1;
+        let place = places.find(|&place| {
+            rest -= place_area(heights, splits, place);
             rest < 0.0
         });
-        [column.unwrap_or(self.columns.end - 1), row]
+        place.unwrap_or(last)
     }
 }
 
-/// Area of a texel's surface per base area, by the normal at its centre.
-fn texel_area(heights: &HeightField, u: usize, v: usize) -> f64 {
-    let [x, y] = heights.slope(u, v, 0.5, 0.5);
-    f64::from(Vec3::new(x, y, 1.0).length())
+/// Area of a texel's surface per base area, by the normals of its places.
+fn texel_area(heights: &HeightField, splits: &Splits, u: usize, v: usize) -> f64 {
+    splits.places_of(v * heights.size()[0] + u).map(|place| place_area(heights, splits, place)).sum()
+}
+
+/// What a place has of it.
+fn place_area(heights: &HeightField, splits: &Splits, place: usize) -> f64 {
+    let [x, y] = splits.slope(heights, place);
+    f64::from(Vec3::new(x, y, 1.0).length()) * 0.5_f64.powi(i32::from(splits.place(place).halvings))
 }
 
 #[cfg(test)]
@@ -72,18 +88,19 @@ mod tests {
     use crate::geometry::Boundary;
 
     #[test]
-    fn texels_are_drawn_by_their_area() {
+    fn places_are_drawn_by_their_area() {
         // a ramp of slope 3 in one column of a flat map, in the second of 2 × 1 patches
         let heights: Vec<f32> = (0..64).map(|k| if k % 8 == 6 { 3.0 } else { 0.0 }).collect();
         let heights = HeightField::new(heights, [8, 8], [1.0; 2], Boundary::Repeat);
-        let area = PatchArea::new(&heights, [2, 1], 1);
+        let splits = Splits::new(&heights);
+        let area = PatchArea::new(&heights, &splits, [2, 1], 1);
         let steep = 10_f64.sqrt();
         assert!((area.mean() - (2.0 * steep + 2.0) / 4.0).abs() < 1e-6);
         let n = 400;
         let mut columns = [0.0; 8];
         for k in 0..n * n {
             let x = [k % n, k / n].map(|k| (k as f64 + 0.5) / n as f64);
-            columns[area.texel(&heights, x)[0]] += 1.0 / (n * n) as f64;
+            columns[area.place(&heights, &splits, x) % 8] += 1.0 / (n * n) as f64;
         }
         let total = 2.0 * steep + 2.0;
         for (column, expected) in [(3, 0.0), (4, 1.0 / total), (5, steep / total), (6, steep / total), (7, 1.0 / total)]

@@ -25,6 +25,7 @@ mod vectors;
 
 use super::FineSurface;
 use super::fine::SortedSurface;
+use super::splits::Splits;
 use super::reflectance::{PatchReflectance, TableDirections, pair};
 use super::visibility::VisibilityBits;
 use crate::geometry::HeightTracer;
@@ -55,9 +56,11 @@ const TASK_RAYS: usize = 2048;
 struct Scene<'a> {
     fine: &'a FineSurface,
     tracer: HeightTracer<'a>,
+    /// The steep texels' parts.
+    splits: &'a Splits,
     /// What every slot sees of the directions.
     bits: VisibilityBits,
-    /// Slot of every texel.
+    /// Slot of every place.
     slot_of: Vec<u32>,
     directions: &'a TableDirections,
     patches: [usize; 2],
@@ -94,17 +97,18 @@ pub(super) fn interreflection(
     directions: &TableDirections,
     settings: PathSettings,
 ) -> Interreflection {
-    let texels = fine.heights.size()[0] * fine.heights.size()[1];
-    let mut slot_of = vec![0; texels];
-    for (slot, &texel) in sorted.slots().iter().enumerate() {
-        if let Some(place) = slot_of.get_mut(texel as usize) {
-            *place = slot as u32;
+    let mut slot_of = vec![0; sorted.splits().places()];
+    for (slot, &place) in sorted.slots().iter().enumerate() {
+        if let Some(own) = slot_of.get_mut(place as usize) {
+            *own = slot as u32;
         }
     }
     let tracer = HeightTracer::new(&fine.heights);
-    let areas = (0..patches[0] * patches[1]).map(|patch| PatchArea::new(&fine.heights, patches, patch)).collect();
+    let areas = (0..patches[0] * patches[1])
+        .map(|patch| PatchArea::new(&fine.heights, sorted.splits(), patches, patch))
+        .collect();
     let bits = sorted.sees(directions);
-    let scene = Scene { fine, tracer, bits, slot_of, directions, patches, areas, gray: is_gray(fine) };
+    let scene = Scene { fine, tracer, splits: sorted.splits(), bits, slot_of, directions, patches, areas, gray: is_gray(fine) };
     let mut halves = [0, 1].map(|_| Sums::new(&scene));
     let signal = mean_square_of_map(direct);
     let mut rays = 0;

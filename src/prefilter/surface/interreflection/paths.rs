@@ -1,5 +1,6 @@
 //! The paths: where they start, how they go on, and the vertices that they leave.
 
+use super::super::splits::Part;
 use super::Scene;
 use crate::geometry::SurfacePoint;
 use crate::material::Brdf;
@@ -12,11 +13,13 @@ use std::ops::Range;
 /// Words of a mask of directions.
 pub(super) type Mask = Vec<u64>;
 
-/// A path's first vertex: the centre of a texel.
+/// A path's first vertex: the middle of a texel, or a part of a steep one.
 pub(super) struct Start {
+    /// Where it is.
+    point: SurfacePoint,
     /// Row-major texel.
     pub(super) texel: usize,
-    /// Unit normal at its centre.
+    /// Unit normal.
     pub(super) normal: Vec3,
     /// Area of the patch per base area: what a start stands for.
     pub(super) area: f32,
@@ -30,6 +33,8 @@ pub(super) struct Start {
 
 /// A further vertex, which light reaches.
 pub(super) struct Vertex {
+    /// The place whose visibility it has.
+    pub(super) place: usize,
     /// Row-major texel.
     pub(super) texel: usize,
     /// Unit normal.
@@ -71,24 +76,32 @@ impl Start {
         let width = scene.fine.heights.size()[0];
         let stream = Stream::new(seed, STREAM + patch as u64);
         let shift: [f64; 4] = std::array::from_fn(|k| f64::from(stream.uniform(k as u64)));
-        let mut starts: Vec<Self> = rays
+        let splits = scene.splits;
+        let places: Vec<usize> = rays
+            .clone()
             .map(|ray| {
-                let x: [f64; 4] = std::array::from_fn(|k| (shift[k] + (ray as f64 + 1.0) * R4[k]).fract());
-                let [u, v] = scene.areas[patch].texel(&scene.fine.heights, [x[0], x[1]]);
-                let [sx, sy] = scene.fine.heights.slope(u, v, 0.5, 0.5);
+                let x = [0, 1].map(|k| (shift[k] + (ray as f64 + 1.0) * R4[k]).fract());
+                scene.areas[patch].place(&scene.fine.heights, splits, x)
+            })
+            .collect();
+        rays.zip(&places)
+            .zip(masks(scene, &places))
+            .map(|((ray, &place), mask)| {
+                let Part { texel, st, .. } = splits.place(place);
+                let texel = texel as usize;
+                let [sx, sy] = splits.slope(&scene.fine.heights, place);
+                let u = [2, 3].map(|k| (shift[k] + (ray as f64 + 1.0) * R4[k]).fract() as f32);
                 Self {
-                    texel: v * width + u,
+                    point: SurfacePoint { cell: [texel % width, texel / width], st },
+                    texel,
                     area: scene.areas[patch].mean() as f32,
                     normal: Vec3::new(-sx, -sy, 1.0).normalize(),
-                    mask: Vec::new(),
-                    u: [x[2] as f32, x[3] as f32].map(|u| u.min(1.0 - f32::EPSILON / 2.0)),
+                    mask,
+                    u: u.map(|u| u.min(1.0 - f32::EPSILON / 2.0)),
                     stream: stream.at((ray as u64 + 1) << 20),
                 }
             })
-            .collect();
-        let texels: Vec<usize> = starts.iter().map(|start| start.texel).collect();
-        starts.iter_mut().zip(masks(scene, &texels)).for_each(|(start, mask)| start.mask = mask);
-        starts
+            .collect()
     }
 
     /// The number that decides whether the path's product is worth its cost.
@@ -116,11 +129,11 @@ fn seen_directions<'a>(mask: &'a [u64], normal: Vec3, scene: &'a Scene<'_>) -> i
     })
 }
 
-/// What the texels see, direction by direction: the bits of one direction fit a cache, those of a texel are scattered.
-pub(super) fn masks(scene: &Scene<'_>, texels: &[usize]) -> Vec<Mask> {
+/// What the places see, direction by direction: the bits of one direction fit a cache, those of a place are scattered.
+pub(super) fn masks(scene: &Scene<'_>, places: &[usize]) -> Vec<Mask> {
     let words = scene.directions.len().div_ceil(64);
-    let mut masks = vec![vec![0; words]; texels.len()];
-    let slots: Vec<usize> = texels.iter().map(|&texel| scene.slot_of[texel] as usize).collect();
+    let mut masks = vec![vec![0; words]; places.len()];
+    let slots: Vec<usize> = places.iter().map(|&place| scene.slot_of[place] as usize).collect();
     for direction in 0..scene.directions.len() {
         let bits = scene.bits.direction(direction);
         for (mask, &slot) in masks.iter_mut().zip(&slots) {
@@ -143,7 +156,7 @@ pub(super) fn brdf_of(scene: &Scene<'_>, texel: usize) -> Brdf {
 fn follow<'a>(scene: &Scene<'_>, start: &'a Start) -> Option<Path<'a>> {
     let width = scene.fine.heights.size()[0];
     let direction = start.direction(scene, &brdf_of(scene, start.texel))?;
-    let mut point = SurfacePoint { cell: [start.texel % width, start.texel / width], st: [0.5; 2] };
+    let mut point = start.point;
     let (mut towards, mut weight) = (direction, [1.0_f32; 3]);
     let mut vertices = Vec::new();
     let mut dimension = 2;
@@ -153,7 +166,8 @@ fn follow<'a>(scene: &Scene<'_>, start: &'a Start) -> Option<Path<'a>> {
             break;
         }
         let texel = hit.point.cell[1] * width + hit.point.cell[0];
-        vertices.push(Vertex { texel, normal: hit.normal, back: -towards, weight });
+        let place = scene.splits.place_at(texel, hit.point.st);
+        vertices.push(Vertex { place, texel, normal: hit.normal, back: -towards, weight });
         let random = |k: u64| start.stream.uniform(dimension + k);
         let Some(next) = brdf_of(scene, texel).sample(hit.normal, -towards, [random(0), random(1), random(2)]) else {
             break;

@@ -24,9 +24,9 @@ impl Vectors {
         let row = scene.directions.len().next_multiple_of(LANES);
         let empty = || vec![vec![0.0; paths.len() * row]; scene.channels()];
         let mut vectors = Self { light: empty(), view: empty() };
-        let texels: Vec<usize> =
-            paths.iter().flat_map(|path| path.vertices.iter().map(|vertex| vertex.texel)).collect();
-        let masks = masks(scene, &texels);
+        let places: Vec<usize> =
+            paths.iter().flat_map(|path| path.vertices.iter().map(|vertex| vertex.place)).collect();
+        let masks = masks(scene, &places);
         let mut masks = masks.iter();
         let mut lobes = Lobes::new(scene.directions.len());
         for (k, path) in paths.iter().enumerate() {
