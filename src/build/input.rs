@@ -26,6 +26,19 @@ pub struct Input {
 pub(crate) fn read(spec: &SurfaceSpec, folder: &Path) -> Result<Input, InputError> {
     let file = SourceFile::read(&folder.join(&spec.height))?;
     let height_digest = blake3::hash(file.bytes()).to_hex().to_string();
+    let (heights, warnings) = heights(spec, file)?;
+    let (color, color_digest) = match &spec.color {
+        None => (None, None),
+        Some(path) => {
+            let file = SourceFile::read(&folder.join(path))?;
+            (Some(decode_color(&file, heights.size())?), Some(blake3::hash(file.bytes()).to_hex().to_string()))
+        }
+    };
+    Ok(Input { fine: FineSurface { heights, brdf: spec.brdf, color }, height_digest, color_digest, warnings })
+}
+
+/// The heights of `spec` in metres from the bytes of its map, and what is to be said about them.
+pub(super) fn heights(spec: &SurfaceSpec, file: SourceFile) -> Result<(HeightField, Vec<String>), InputError> {
     let mut raw = decode_heights(&file, spec.channel.as_deref())?;
     drop(file);
     let warnings = condition::warnings(&raw, spec.boundary, spec.dequantize);
@@ -46,15 +59,7 @@ pub(crate) fn read(spec: &SurfaceSpec, folder: &Path) -> Result<Input, InputErro
         let texel = [i % size[0], i / size[0]];
         return Err(InputError::Overflow { file: spec.height.clone(), texel });
     }
-    let heights = HeightField::new(raw.values, size, spacing, spec.boundary);
-    let (color, color_digest) = match &spec.color {
-        None => (None, None),
-        Some(path) => {
-            let file = SourceFile::read(&folder.join(path))?;
-            (Some(decode_color(&file, size)?), Some(blake3::hash(file.bytes()).to_hex().to_string()))
-        }
-    };
-    Ok(Input { fine: FineSurface { heights, brdf: spec.brdf, color }, height_digest, color_digest, warnings })
+    Ok((HeightField::new(raw.values, size, spacing, spec.boundary), warnings))
 }
 
 /// Why a fine surface could not be read.

@@ -13,6 +13,7 @@ mod smoothing;
 pub mod visibility;
 
 pub use downsample::coarse_cells;
+pub use smoothing::smoothed;
 
 use crate::geometry::{Boundary, HeightField};
 use crate::material::{Brdf, ggx_gaussians};
@@ -95,7 +96,7 @@ pub struct CoarseLevel {
     pub warnings: Vec<String>,
 }
 
-/// Compiles one level.
+/// Compiles one level: the stages below in their order, which `build` runs one by one.
 ///
 /// The stages, named to `on_stage` as they begin: `downsample`, `lobes`, `group`, `visibility`, `fine`, `interreflect`
 /// unless the light is direct, `smooth`, `coarse`, `fit`.
@@ -104,14 +105,13 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
     let heights = downsample::downsample(&fine.heights, settings.factor);
     on_stage("lobes");
     let cells = heights.size();
-    let mut lobes = lobes::fit_lobes(&fine.heights, cells, settings.lobes);
-    limit_weights(&mut lobes);
+    let lobes = level_lobes(&fine.heights, cells, settings.lobes);
     let base_color = fine.color.as_ref().map(|color| cell_colors(color, fine.heights.size(), cells));
-    let patches = cells.map(|cells| settings.patches.clamp(1, cells));
+    let patches = patch_counts(cells, settings.patches);
     let directions = TableDirections::new(settings.directions);
     let (f_fine, noise) = reflectance(fine, patches, &directions, settings, on_stage);
     on_stage("smooth");
-    let gaussians = fine.brdf.specular.map_or_else(Vec::new, |conductor| ggx_gaussians(conductor.alpha));
+    let gaussians = base_gaussians(&fine.brdf);
     let surface = CoarseSurface {
         heights: &heights,
         lobes: &lobes,
@@ -119,33 +119,79 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
         brdf: &fine.brdf,
         gaussians: &gaussians,
     };
-    let smoothed = smoothing::smoothed(&fine.heights, settings.factor, &surface, &f_fine, &directions);
+    let smoothed = smoothed(&fine.heights, settings.factor, &surface, &f_fine, &directions);
     on_stage("coarse");
     let surface = CoarseSurface { heights: &smoothed, ..surface };
     let f_coarse = coarse_reflectance(&surface, patches, &directions);
     on_stage("fit");
-    let (factors, spatial) = (1..=settings.rank)
-        .rev()
-        .map(|rank| {
-            let factors = fit_scaling(&f_fine, &f_coarse, &directions, rank);
-            let spatial = stored_spatial(&factors.spatial, patches, heights.boundary());
-            (factors, spatial)
-        })
-        .find(|(factors, spatial)| spatial.len() == 1 || is_positive(spatial, &factors.angular))
-        .expect("rank 1 is always accepted");
-    let angular = factors.angular.iter().map(|s| full_table(s, directions.len())).collect();
-    let warnings = scaling_warning(&factors.angular, &f_fine, &directions).into_iter().chain(noise_warning(noise));
-    let warnings = warnings.collect();
+    let fit = fit_level([&f_fine, &f_coarse], noise, patches, &directions, settings.rank, heights.boundary());
     CoarseLevel {
         heights: smoothed,
         lobes,
         base_color,
         patches,
-        spatial,
+        spatial: fit.spatial,
         directions: settings.directions,
-        angular,
+        angular: fit.angular,
+        on_node: fit.on_node,
+        warnings: fit.warnings,
+    }
+}
+
+/// Patches of T along u and v of a level with so many cells: as many as wanted, but no more than cells.
+pub fn patch_counts(cells: [usize; 2], wanted: usize) -> [usize; 2] {
+    cells.map(|cells| wanted.clamp(1, cells))
+}
+
+/// The lobes of a level of `cells` cells, `[lobe][cell]`, in weights that can be stored.
+pub fn level_lobes(fine: &HeightField, cells: [usize; 2], count: Option<usize>) -> Vec<Vec<VmfLobe>> {
+    let mut lobes = lobes::fit_lobes(fine, cells, count);
+    limit_weights(&mut lobes);
+    lobes
+}
+
+/// The spherical Gaussians of a base BRDF's normal distribution; none for a diffuse one.
+pub fn base_gaussians(brdf: &Brdf) -> Vec<[f32; 2]> {
+    brdf.specular.map_or_else(Vec::new, |conductor| ggx_gaussians(conductor.alpha))
+}
+
+/// T and S of a level as they are stored.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LevelFit {
+    /// T, `[rank][patch]`, RGB; read bilinearly.
+    pub spatial: Vec<Vec<[f32; 3]>>,
+    /// S, `[rank][wo][wi]`, N² × N² directions, RGB.
+    pub angular: Vec<Vec<[f32; 3]>>,
+    /// ε below 75° of the fit at the nodes of its own tables.
+    pub on_node: f64,
+    /// Warnings for the user, one line each.
+    pub warnings: Vec<String>,
+}
+
+/// Fits T and S to F of the fine and of the coarse surface; `noise` is that of F of the fine one.
+pub fn fit_level(
+    [f_fine, f_coarse]: [&PatchReflectance; 2],
+    noise: f64,
+    patches: [usize; 2],
+    directions: &TableDirections,
+    rank: usize,
+    boundary: Boundary,
+) -> LevelFit {
+    let (factors, spatial) = (1..=rank)
+        .rev()
+        .map(|rank| {
+            let factors = fit_scaling(f_fine, f_coarse, directions, rank);
+            let spatial = stored_spatial(&factors.spatial, patches, boundary);
+            (factors, spatial)
+        })
+        .find(|(factors, spatial)| spatial.len() == 1 || is_positive(spatial, &factors.angular))
+        .expect("rank 1 is always accepted");
+    let warnings = scaling_warning(&factors.angular, f_fine, directions).into_iter().chain(noise_warning(noise));
+    LevelFit {
+        spatial,
+        angular: factors.angular.iter().map(|s| full_table(s, directions.len())).collect(),
         on_node: factors.on_node,
-        warnings,
+        warnings: warnings.collect(),
     }
 }
 

@@ -73,13 +73,23 @@ pub(super) struct ThinnedDirections {
 }
 
 /// F of all patches: RGB, `[patch][rgb][pair]`.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PatchReflectance {
     values: Vec<f32>,
     pairs: usize,
 }
 
 impl PatchReflectance {
+    /// The table of these values, `[patch][rgb][pair]`; `None` where they are not whole patches.
+    pub fn from_values(values: Vec<f32>, pairs: usize) -> Option<Self> {
+        (pairs > 0 && !values.is_empty() && values.len() % (3 * pairs) == 0).then_some(Self { values, pairs })
+    }
+
+    /// All values, `[patch][rgb][pair]`.
+    pub fn values(&self) -> &[f32] {
+        &self.values
+    }
+
     /// Number of patches.
     pub fn patch_count(&self) -> usize {
         self.values.len() / (3 * self.pairs)

@@ -37,7 +37,7 @@ const PROTOTYPES: usize = 192;
 const CHOICE: u64 = 0x5300;
 
 /// The coarse heights of a level: those of `coarse`, or smoother ones where S could not be interpolated.
-pub(super) fn smoothed(
+pub fn smoothed(
     fine: &HeightField,
     factor: f32,
     coarse: &CoarseSurface<'_>,

@@ -1,0 +1,150 @@
+//! A surface as actions: one that reads its heights, the stages of every level, one that puts the asset together.
+//!
+//! ```text
+//! heights ─┬─► downsample ─┐                       for every level;
+//!          ├─► lobes ──────┼─► smooth ─► coarse ─► fit ─► measure ─► asset
+//!          └─► fine ───────┘                       levels of as many patches share `fine`
+//! colors ────► tint: mean colours of a level's cells, for all from `smooth` on
+//! ```
+//!
+//! The key of `asset` is made of what the whole surface depends on, files and settings alone. So whether anything is to
+//! be done is known without a look at the graph.
+
+mod assemble;
+mod steps;
+
+use std::path::Path;
+
+use super::SurfaceSpec;
+use super::graph::{ActionId, Graph, Place};
+use super::key::{Digest, Walk};
+use crate::prefilter::surface::LevelSettings;
+pub use steps::SurfaceStep;
+use steps::{ASSET, version_of};
+
+/// The digests of a surface's files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SurfaceFiles {
+    /// Of the height map.
+    pub height: Digest,
+    /// Of the colour map.
+    pub color: Option<Digest>,
+}
+
+/// Everything that the asset of a surface depends on.
+pub fn walk_asset(spec: &SurfaceSpec, files: SurfaceFiles) -> Walk {
+    let mut walk = Walk::new(ASSET, version_of(ASSET));
+    // Taken apart, so that no setting is forgotten that comes later. Paths are no part of what is made.
+    let SurfaceSpec {
+        name,
+        height: _,
+        channel,
+        invert,
+        size,
+        amplitude,
+        offset,
+        boundary,
+        brdf,
+        color: _,
+        detrend,
+        dequantize,
+        levels,
+        error,
+    } = spec;
+    steps::walk_versions(&mut walk);
+    walk.input("height map", files.height);
+    if let Some(color) = files.color {
+        walk.input("colour map", color);
+    }
+    walk.setting("name", name);
+    walk.setting("channel", channel);
+    walk.setting("invert", invert);
+    walk.setting("size", size);
+    walk.setting("amplitude", amplitude);
+    walk.setting("offset", offset);
+    walk.setting("boundary", boundary);
+    steps::walk_brdf(&mut walk, brdf);
+    walk.setting("detrend", detrend);
+    walk.setting("dequantize", dequantize);
+    walk.setting("error", error);
+    walk.setting("levels", levels.iter().map(|level| level.factor).collect::<Vec<_>>());
+    for (number, level) in (1..).zip(levels) {
+        let LevelSettings { factor: _, patches, directions, rank, lobes, light, seed } = level;
+        let mut set = |name: &str, value: &dyn std::fmt::Debug| walk.setting(&format!("level {number} {name}"), value);
+        set("patches", patches);
+        set("directions", directions);
+        set("rank", rank);
+        set("lobes", lobes);
+        set("light", light);
+        set("seed", seed);
+    }
+    walk
+}
+
+/// Adds the actions of `spec`, whose paths are relative to `folder`, to `graph` as those of asset number `asset`; the last
+/// one.
+pub fn add<'a>(
+    graph: &mut Graph<SurfaceStep<'a>>,
+    asset: usize,
+    spec: &'a SurfaceSpec,
+    files: SurfaceFiles,
+    folder: &Path,
+) -> ActionId {
+    let place = |level| Place { asset, level };
+    let path = folder.join(&spec.height);
+    let heights = graph.push(SurfaceStep::Heights { spec, path, digest: files.height }, place(0), vec![]);
+    let colors = spec.color.as_ref().zip(files.color).map(|(color, digest)| {
+        graph.push(SurfaceStep::Colors { path: folder.join(color), digest }, place(0), vec![heights])
+    });
+    let levels: Vec<LevelActions> = (1..)
+        .zip(&spec.levels)
+        .map(|(number, settings)| LevelActions::add(graph, place(number), spec, settings, [Some(heights), colors]))
+        .collect();
+    let mut needs = vec![heights];
+    needs.extend(colors);
+    needs.extend(levels.iter().flat_map(LevelActions::all));
+    graph.push(SurfaceStep::Asset { spec, files }, place(spec.levels.len()), needs)
+}
+
+/// The actions of one level.
+struct LevelActions {
+    downsample: ActionId,
+    lobes: ActionId,
+    fine: ActionId,
+    smooth: ActionId,
+    coarse: ActionId,
+    fit: ActionId,
+    measure: ActionId,
+    tint: Option<ActionId>,
+}
+
+impl LevelActions {
+    fn add<'a>(
+        graph: &mut Graph<SurfaceStep<'a>>,
+        place: Place,
+        spec: &'a SurfaceSpec,
+        settings: &'a LevelSettings,
+        [heights, colors]: [Option<ActionId>; 2],
+    ) -> Self {
+        let mut push =
+            |step, needs: &[Option<ActionId>]| graph.push(step, place, needs.iter().flatten().copied().collect());
+        let brdf = &spec.brdf;
+        let downsample = push(SurfaceStep::Downsample { settings }, &[heights]);
+        let lobes = push(SurfaceStep::Lobes { settings }, &[heights]);
+        let tint = colors.map(|_| push(SurfaceStep::Tint { settings }, &[heights, colors]));
+        let fine = push(SurfaceStep::Fine { settings, brdf }, &[heights, colors]);
+        let smooth = SurfaceStep::Smooth { settings, brdf };
+        let smooth = push(smooth, &[heights, Some(downsample), Some(lobes), Some(fine), tint]);
+        let coarse = push(SurfaceStep::Coarse { settings, brdf }, &[Some(smooth), Some(lobes), tint]);
+        let fit = push(SurfaceStep::Fit { settings, spec }, &[Some(smooth), Some(fine), Some(coarse)]);
+        let measure = SurfaceStep::Measure { settings, spec };
+        let measure = push(measure, &[heights, Some(smooth), Some(lobes), Some(fit), colors, tint]);
+        Self { downsample, lobes, fine, smooth, coarse, fit, measure, tint }
+    }
+
+    /// All, in the order in which `asset` takes them.
+    fn all(&self) -> impl Iterator<Item = ActionId> {
+        let Self { downsample, lobes, fine, smooth, coarse, fit, measure, tint } = *self;
+        [downsample, lobes, fine, smooth, coarse, fit, measure].into_iter().chain(tint)
+    }
+}
