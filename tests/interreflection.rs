@@ -2,6 +2,7 @@
 
 mod support;
 
+use farfield::build::key::Digest;
 use farfield::build::{Input, ModelData};
 use farfield::geometry::{Boundary, HeightField, HeightTracer};
 use farfield::material::{Brdf, Conductor};
@@ -97,7 +98,7 @@ fn exact_paths_reflect_what_the_renderer_shows() {
     let projection = Projection::Orthographic { width: 4.0 * extent[1] };
     let camera = Camera::look_at(world(wo) * 2000.0, DVec3::ZERO, DVec3::Y, projection, [128, 64]).expect("a view");
     let light = DirectionalLight { direction: world(wi).as_vec3(), irradiance: [1.0; 3] };
-    let input = Input { fine, height_digest: "0".repeat(64), color_digest: None, warnings: Vec::new() };
+    let input = Input { fine, height_digest: Digest::of(b""), color_digest: None, warnings: Vec::new() };
     let data = ModelData::full(&input);
     let scene =
         Scene { camera, lights: Lights::new(vec![Light::Directional(light)]), surface: data.object([40, 40], None) };

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use farfield::build::encode::{decoded, surface_asset, surface_level};
+use farfield::build::key::Digest;
 use farfield::build::{Input, Manifest, ModelData};
 use farfield::geometry::{Boundary, HeightField};
 use farfield::prefilter::surface::{FineSurface, compile};
@@ -39,11 +40,11 @@ impl Subject {
         let manifest = Manifest::parse(&text).unwrap_or_else(|mistakes| panic!("{mistakes:?}"));
         let spec = &manifest.surfaces[0];
         let fine = FineSurface { heights, brdf: spec.brdf, color: None };
-        let input = Input { fine, height_digest: "0".repeat(64), color_digest: None, warnings: Vec::new() };
+        let input = Input { fine, height_digest: Digest::of(b""), color_digest: None, warnings: Vec::new() };
         let levels = spec.levels.iter().enumerate().map(|(k, settings)| {
             surface_level(k + 1, &input.fine.heights, compile(&input.fine, settings, &mut |_| ()))
         });
-        let asset = surface_asset(spec, &input, levels.collect());
+        let asset = surface_asset(spec, &input.sources(), levels.collect());
         let asset = asset.encode().and_then(|files| decoded(&files)).expect("what was encoded decodes");
         let cells = asset.levels.iter().map(|level| level.cells).collect();
         Self { input, asset, cells }

@@ -1,4 +1,4 @@
-//! What a stage costs: CPU seconds of the whole process, and the most memory that it held.
+//! What things cost: CPU seconds of the process or of one stage, and the most memory that the process held.
 
 /// CPU seconds (user and system, all threads) of this process so far; 0 where the system does not tell.
 #[cfg(unix)]
@@ -12,6 +12,23 @@ pub(crate) fn cpu_seconds() -> f64 {
 /// CPU seconds of this process; not told by this system.
 #[cfg(not(unix))]
 pub(crate) fn cpu_seconds() -> f64 {
+    0.0
+}
+
+/// CPU seconds of all threads of the pool that the caller is in; 0 where the system does not tell.
+#[cfg(unix)]
+fn pool_seconds() -> f64 {
+    use nix::time::{ClockId, clock_gettime};
+    let of_thread = |_: rayon::BroadcastContext<'_>| {
+        clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID)
+            .map_or(0.0, |time| time.tv_sec() as f64 + time.tv_nsec() as f64 * 1e-9)
+    };
+    rayon::broadcast(of_thread).iter().sum()
+}
+
+/// CPU seconds of a pool; not told by this system.
+#[cfg(not(unix))]
+fn pool_seconds() -> f64 {
     0.0
 }
 
@@ -30,7 +47,8 @@ pub(super) fn peak_bytes() -> u64 {
     0
 }
 
-/// CPU seconds by stage, in the order in which stages began; a stage that begins twice is one.
+/// CPU seconds by stage, in the order in which stages began; a stage that begins twice is one. The seconds are those of
+/// the pool of threads that the clock is used in: what other actions do at the same time does not count.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct StageClock {
     stages: Vec<(&'static str, f64)>,
@@ -41,13 +59,13 @@ impl StageClock {
     /// Ends the running stage and begins `stage`.
     pub(crate) fn begin(&mut self, stage: &'static str) {
         self.end();
-        self.running = Some((stage, cpu_seconds()));
+        self.running = Some((stage, pool_seconds()));
     }
 
     /// Ends the running stage.
     pub(crate) fn end(&mut self) {
         let Some((stage, start)) = self.running.take() else { return };
-        let seconds = cpu_seconds() - start;
+        let seconds = pool_seconds() - start;
         match self.stages.iter_mut().find(|(name, _)| *name == stage) {
             Some((_, sum)) => *sum += seconds,
             None => self.stages.push((stage, seconds)),

@@ -6,7 +6,8 @@ use formats::asset::{AdditiveTerm, Alternative, DOCUMENT, Light, Source, Surface
 use formats::{BaseBrdf, Boundary, Error, Lobe, Specular};
 use serde_json::json;
 
-use super::{Input, SurfaceSpec};
+use super::SurfaceSpec;
+use super::key::{Digest, ISA};
 use crate::geometry;
 use crate::material::{Brdf, ggx_gaussians};
 use crate::prefilter::surface::{self, CoarseLevel, LightTransport};
@@ -17,33 +18,48 @@ pub const SURFACE_VERSION: &str = "3";
 /// The same for what interreflection adds; direct light knows nothing of it.
 pub const INTERREFLECTION_VERSION: &str = "2";
 
+/// The files that an asset is made from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sources {
+    /// BLAKE3 of the height map's bytes.
+    pub height: Digest,
+    /// Texels of the height map along u and v.
+    pub size: [usize; 2],
+    /// BLAKE3 of the colour map's bytes.
+    pub color: Option<Digest>,
+}
+
 /// The asset of `spec` with the given levels: no time, path, thread count or host is in it.
-pub fn surface_asset(spec: &SurfaceSpec, input: &Input, levels: Vec<SurfaceLevel>) -> SurfaceAsset {
-    let [width, height] = input.fine.heights.size().map(|n| n as u32);
+pub fn surface_asset(spec: &SurfaceSpec, sources: &Sources, levels: Vec<SurfaceLevel>) -> SurfaceAsset {
+    let [width, height] = sources.size.map(|n| n as u32);
     SurfaceAsset {
         name: spec.name.clone(),
         light: light(spec.light()),
         size: spec.size,
         boundary: boundary(spec.boundary),
-        source: Source { digest: input.height_digest.clone(), width, height },
+        source: Source { digest: sources.height.to_string(), width, height },
         bsdf: base_brdf(&spec.brdf),
-        settings: settings(spec, input),
+        settings: settings(spec, sources),
         versions: versions(spec.light()),
         seed: spec.levels.first().map_or(0, |level| level.seed),
-        // every copy of a kernel gives the same bits (`math::simd`), and the FFT runs its scalar code
-        isa: "baseline".into(),
+        isa: ISA.into(),
         levels,
     }
 }
 
-/// Level number `index` (from 1) as the asset holds it, its error not yet known.
+/// Level number `index` (from 1) of `fine` as the asset holds it, its error not yet known.
 pub fn surface_level(index: usize, fine: &geometry::HeightField, coarse: CoarseLevel) -> SurfaceLevel {
+    level_of_map(index, fine.size(), coarse)
+}
+
+/// [`surface_level`] of a map of `fine_size` texels.
+pub(super) fn level_of_map(index: usize, fine_size: [usize; 2], coarse: CoarseLevel) -> SurfaceLevel {
     let cells = coarse.heights.size();
     let lobe =
         |lobe: crate::prefilter::surface::VmfLobe| Lobe { mean: lobe.mean, kappa: lobe.kappa, weight: lobe.weight };
     SurfaceLevel {
         index: index as u32,
-        factor: [0, 1].map(|axis| fine.size()[axis] as f64 / cells[axis] as f64),
+        factor: [0, 1].map(|axis| fine_size[axis] as f64 / cells[axis] as f64),
         cells,
         heights: coarse.heights.heights().to_vec(),
         lobes: coarse.lobes.into_iter().map(|cells| cells.into_iter().map(lobe).collect()).collect(),
@@ -132,12 +148,12 @@ pub fn part_of(role: &str) -> String {
 }
 
 /// The settings that the bytes depend on, in one form whatever the manifest looked like.
-fn settings(spec: &SurfaceSpec, input: &Input) -> serde_json::Value {
+fn settings(spec: &SurfaceSpec, sources: &Sources) -> serde_json::Value {
     let tables = spec.levels.first();
     json!({
         "amplitude": spec.amplitude,
         "channel": spec.channel,
-        "color": input.color_digest,
+        "color": sources.color,
         "dequantize": spec.dequantize,
         "detrend": spec.detrend,
         "directions": tables.map(|t| t.directions),

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use super::encode::Sources;
+use super::key::Digest;
 use super::{SurfaceSpec, condition};
 use crate::geometry::HeightField;
 use crate::io::color::decode_color;
@@ -14,18 +16,38 @@ use crate::prefilter::surface::FineSurface;
 pub struct Input {
     /// What is prefiltered.
     pub fine: FineSurface,
-    /// BLAKE3 of the height map's bytes, 64 hex digits.
-    pub height_digest: String,
+    /// BLAKE3 of the height map's bytes.
+    pub height_digest: Digest,
     /// BLAKE3 of the colour map's bytes.
-    pub color_digest: Option<String>,
+    pub color_digest: Option<Digest>,
     /// What the user should know about the maps, one line each.
     pub warnings: Vec<String>,
+}
+
+impl Input {
+    /// What an asset says of it.
+    pub fn sources(&self) -> Sources {
+        Sources { height: self.height_digest, size: self.fine.heights.size(), color: self.color_digest }
+    }
 }
 
 /// Reads the files of `spec`, whose paths are relative to `folder`.
 pub(crate) fn read(spec: &SurfaceSpec, folder: &Path) -> Result<Input, InputError> {
     let file = SourceFile::read(&folder.join(&spec.height))?;
-    let height_digest = blake3::hash(file.bytes()).to_hex().to_string();
+    let height_digest = Digest::of(file.bytes());
+    let (heights, warnings) = heights(spec, file)?;
+    let (color, color_digest) = match &spec.color {
+        None => (None, None),
+        Some(path) => {
+            let file = SourceFile::read(&folder.join(path))?;
+            (Some(decode_color(&file, heights.size())?), Some(Digest::of(file.bytes())))
+        }
+    };
+    Ok(Input { fine: FineSurface { heights, brdf: spec.brdf, color }, height_digest, color_digest, warnings })
+}
+
+/// The heights of `spec` in metres from the bytes of its map, and what is to be said about them.
+pub(super) fn heights(spec: &SurfaceSpec, file: SourceFile) -> Result<(HeightField, Vec<String>), InputError> {
     let mut raw = decode_heights(&file, spec.channel.as_deref())?;
     drop(file);
     let warnings = condition::warnings(&raw, spec.boundary, spec.dequantize);
@@ -46,15 +68,7 @@ pub(crate) fn read(spec: &SurfaceSpec, folder: &Path) -> Result<Input, InputErro
         let texel = [i % size[0], i / size[0]];
         return Err(InputError::Overflow { file: spec.height.clone(), texel });
     }
-    let heights = HeightField::new(raw.values, size, spacing, spec.boundary);
-    let (color, color_digest) = match &spec.color {
-        None => (None, None),
-        Some(path) => {
-            let file = SourceFile::read(&folder.join(path))?;
-            (Some(decode_color(&file, size)?), Some(blake3::hash(file.bytes()).to_hex().to_string()))
-        }
-    };
-    Ok(Input { fine: FineSurface { heights, brdf: spec.brdf, color }, height_digest, color_digest, warnings })
+    Ok((HeightField::new(raw.values, size, spacing, spec.boundary), warnings))
 }
 
 /// Why a fine surface could not be read.

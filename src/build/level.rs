@@ -2,8 +2,8 @@
 
 use formats::asset::{LevelError, SurfaceAsset, SurfaceLevel};
 
-use super::clock::{StageClock, peak_bytes};
-use super::encode::{self, surface_asset, surface_level};
+use super::clock::StageClock;
+use super::encode::{self, level_of_map, surface_asset};
 use super::level_error::{Reference, measure};
 use super::{Input, SurfaceSpec};
 use crate::prefilter::surface::{LevelSettings, compile};
@@ -19,10 +19,7 @@ pub(crate) struct BuiltLevel {
     pub predicted: Option<f64>,
     /// The measured error.
     pub error: LevelError,
-    /// Warnings for the user, one line each.
-    pub warnings: Vec<String>,
     pub(crate) clock: StageClock,
-    pub(super) peak_bytes: u64,
 }
 
 /// Compiles level `index` of `spec` and measures what its bytes say; what `clock` counted before is counted with it.
@@ -45,20 +42,23 @@ pub(crate) fn build_level(
     loop {
         let aimed = LevelSettings { error: aim, ..*settings };
         let coarse = compile(&input.fine, &aimed, &mut |stage| enter(&mut clock, stage));
-        let (on_node, predicted, warnings) = (coarse.on_node, coarse.predicted, coarse.warnings.clone());
+        let (on_node, predicted) = (coarse.on_node, coarse.predicted);
         enter(&mut clock, "encode");
-        let asset = surface_asset(spec, input, vec![surface_level(index, &input.fine.heights, coarse)]);
+        let level = level_of_map(index, input.fine.heights.size(), coarse);
+        let asset = surface_asset(spec, &input.sources(), vec![level]);
         let decoded = through_bytes(&asset)?;
         enter(&mut clock, "measure");
         let error = measure(&reference(input, &decoded, on_node, settings.seed), &decoded.levels[0]);
         clock.end();
-        if let Some(lower) = lower_aim(settings.error, aim, predicted, error.below_75.value) {
+        if aim == settings.error
+            && let Some(lower) = lower_aim(aim, predicted, error.below_75.value)
+        {
             aim = lower;
             continue;
         }
         let [level] = <[SurfaceLevel; 1]>::try_from(asset.levels).map_err(|_| "one level went in".to_string())?;
         let level = SurfaceLevel { error: Some(error), ..level };
-        return Ok(BuiltLevel { level, on_node, predicted, error, warnings, clock, peak_bytes: peak_bytes() });
+        return Ok(BuiltLevel { level, on_node, predicted, error, clock });
     }
 }
 
@@ -77,11 +77,11 @@ pub(crate) fn reference<'a>(input: &'a Input, decoded: &'a SurfaceAsset, on_node
 
 /// What to aim at once more, where sizes were chosen that should have reached `target` and did not.
 ///
-/// The prediction is of direct light and knows nothing of bins and prototypes; it is trusted again in proportion.
-fn lower_aim(target: f64, aim: f64, predicted: Option<f64>, measured: f64) -> Option<f64> {
-    let was_reached = predicted.is_some_and(|predicted| predicted <= aim);
-    // once only: a level that misses half of its target is limited by other things than the sizes of its tables
-    (measured > target && was_reached && aim == target).then(|| target * (target / measured).clamp(0.5, 0.9))
+/// The prediction is of direct light and knows nothing of bins and prototypes; it is trusted again in proportion. Once
+/// only: a level that misses half of its target is limited by other things than the sizes of its tables.
+pub(super) fn lower_aim(target: f64, predicted: Option<f64>, measured: f64) -> Option<f64> {
+    let was_reached = predicted.is_some_and(|predicted| predicted <= target);
+    (measured > target && was_reached).then(|| target * (target / measured).clamp(0.5, 0.9))
 }
 
 /// The asset as its reader sees it.
@@ -95,11 +95,10 @@ mod tests {
 
     #[test]
     fn a_missed_target_is_aimed_at_once_more_and_lower() {
-        assert_eq!(lower_aim(0.03, 0.03, Some(0.02), 0.04), Some(0.03 * 0.75));
-        // met, not predicted to be met, nothing chosen, or tried before
-        assert_eq!(lower_aim(0.03, 0.03, Some(0.02), 0.03), None);
-        assert_eq!(lower_aim(0.03, 0.03, Some(0.04), 0.05), None);
-        assert_eq!(lower_aim(0.03, 0.03, None, 0.05), None);
-        assert_eq!(lower_aim(0.03, 0.02, Some(0.01), 0.05), None);
+        assert_eq!(lower_aim(0.03, Some(0.02), 0.04), Some(0.03 * 0.75));
+        // met, not predicted to be met, nothing chosen
+        assert_eq!(lower_aim(0.03, Some(0.02), 0.03), None);
+        assert_eq!(lower_aim(0.03, Some(0.04), 0.05), None);
+        assert_eq!(lower_aim(0.03, None, 0.05), None);
     }
 }

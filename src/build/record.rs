@@ -1,6 +1,6 @@
 //! What a build cost and reached, a level a line: `OUT/build.jsonl`. Never part of an asset.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use formats::asset::LevelError;
@@ -65,14 +65,26 @@ impl LevelRecord {
 /// The records in `out`; none where there is no such file, and lines of other making are passed over.
 pub fn read(out: &Path) -> Vec<LevelRecord> {
     let Ok(file) = SourceFile::read(&out.join(RECORDS)) else { return Vec::new() };
-    String::from_utf8_lossy(file.bytes()).lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
+    parse(file.bytes())
 }
 
-/// Replaces the records of the surface `name` in `out` by `new`; those of other surfaces stay.
-pub fn replace(out: &Path, name: &str, new: &[LevelRecord], publisher: &Publisher) -> Result<(), Error> {
-    let mut records = read(out);
-    records.retain(|record| record.name != name);
-    records.extend_from_slice(new);
-    let text: String = records.iter().map(|record| record.to_json() + "\n").collect();
-    publisher.file(&out.join(RECORDS), text.as_bytes())
+fn parse(bytes: &[u8]) -> Vec<LevelRecord> {
+    String::from_utf8_lossy(bytes).lines().filter_map(|line| serde_json::from_str(line).ok()).collect()
+}
+
+/// Makes the records of the surfaces in `new` the only ones of their names in `out`; those of other surfaces stay.
+pub fn replace(out: &Path, new: &[LevelRecord], publisher: &Publisher) -> Result<(), Error> {
+    let names: BTreeSet<&str> = new.iter().map(|record| record.name.as_str()).collect();
+    publisher.update(&out.join(RECORDS), |old| {
+        let mut records = parse(old.unwrap_or_default());
+        let of_new = |record: &LevelRecord| names.contains(record.name.as_str());
+        // Nothing is rewritten that is only in another order.
+        let current: Vec<&LevelRecord> = records.iter().filter(|record| of_new(record)).collect();
+        if current.len() == new.len() && new.iter().all(|record| current.contains(&record)) {
+            return None;
+        }
+        records.retain(|record| !of_new(record));
+        records.extend_from_slice(new);
+        Some(records.iter().map(|record| record.to_json() + "\n").collect::<String>().into_bytes())
+    })
 }

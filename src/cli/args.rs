@@ -13,6 +13,9 @@ const VERSION: &str = match option_env!("FARFIELD_VERSION") {
     None => env!("CARGO_PKG_VERSION"),
 };
 
+/// Bytes that the build cache is kept within: some thousand levels of 1024² maps with all that they were made from.
+const DEFAULT_CACHE: &str = "20G";
+
 /// What the number of a level may be, for messages.
 const LEVEL: &str = "the number of a level, 1 to 32";
 
@@ -38,6 +41,11 @@ pub(super) enum Command {
     Init(InitArgs),
     /// Compile surfaces into assets
     Build(BuildArgs),
+    /// Compile, and again whenever the manifest or a map changes
+    Watch(BuildArgs),
+    /// Look after the build cache
+    #[command(subcommand)]
+    Cache(CacheCommand),
     /// Draw a scene
     Render(RenderArgs),
     /// Compare assets with their originals, and report the difference
@@ -70,12 +78,24 @@ pub(super) struct BuildArgs {
     /// Folder of the build cache [default: .farfield beside the manifest]
     #[arg(long, value_name = "DIR")]
     pub(super) cache: Option<PathBuf>,
+    /// Bytes that the build cache is kept within, as in 20G
+    #[arg(long, value_name = "SIZE", default_value = DEFAULT_CACHE, value_parser = parse_size)]
+    pub(super) cache_limit: u64,
+    /// A cache that machines share: s3://BUCKET/FOLDER or http[s]://HOST/BUCKET/FOLDER; credentials as in AWS_ACCESS_KEY_ID
+    #[arg(long, value_name = "URL")]
+    pub(super) remote: Option<String>,
     /// Threads [default: one a processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(super) jobs: Option<u16>,
+    /// Memory to stay within, as in 1500M [default: three quarters of the machine's]
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub(super) memory: Option<u64>,
     /// Show what would be built, and write nothing
     #[arg(long)]
     pub(super) dry_run: bool,
+    /// Tell of every action that runs which input, setting or version made it run
+    #[arg(long)]
+    pub(super) explain: bool,
     /// One JSON object a line on stdout
     #[arg(long)]
     pub(super) json: bool,
@@ -94,6 +114,34 @@ pub(super) struct BuildArgs {
     /// Report warnings and errors alone
     #[arg(short, long)]
     pub(super) quiet: bool,
+}
+
+/// `farfield cache`.
+#[derive(Debug, Subcommand)]
+pub(super) enum CacheCommand {
+    /// What is in the cache
+    Stats(CacheArgs),
+    /// Remove orphans and, beyond the limit, what was used longest ago
+    Gc(CacheArgs),
+    /// Read everything in the cache and hold it against its digests; what is damaged is removed, and built again when wanted
+    Verify(CacheArgs),
+}
+
+/// The arguments of `farfield cache`.
+#[derive(Args, Debug)]
+pub(super) struct CacheArgs {
+    /// The manifest
+    #[arg(short, long, value_name = "FILE", default_value = "farfield.toml")]
+    pub(super) manifest: PathBuf,
+    /// Folder of the build cache [default: .farfield beside the manifest]
+    #[arg(long, value_name = "DIR")]
+    pub(super) cache: Option<PathBuf>,
+    /// Bytes that `gc` leaves at most, as in 20G
+    #[arg(long, value_name = "SIZE", default_value = DEFAULT_CACHE, value_parser = parse_size)]
+    pub(super) limit: u64,
+    /// One JSON object on stdout
+    #[arg(long)]
+    pub(super) json: bool,
 }
 
 /// `farfield render`.
@@ -266,6 +314,20 @@ pub(super) struct InspectArgs {
     pub(super) json: bool,
 }
 
+/// Bytes, with a unit if wanted: K, M, G, T are powers of 1024.
+fn parse_size(text: &str) -> Result<u64, String> {
+    let (number, shift) = match text.find(|c: char| !c.is_ascii_digit()).map(|at| text.split_at(at)) {
+        None => (text, 0),
+        Some((number, "K")) => (number, 10),
+        Some((number, "M")) => (number, 20),
+        Some((number, "G")) => (number, 30),
+        Some((number, "T")) => (number, 40),
+        Some(_) => ("", 0),
+    };
+    let bytes = number.parse::<u64>().ok().and_then(|number| number.checked_mul(1 << shift));
+    bytes.ok_or_else(|| "wanted bytes, as in 1500M or 20G".into())
+}
+
 /// A number that may be an error.
 fn parse_error(text: &str) -> Result<f64, String> {
     match text.parse() {
@@ -417,6 +479,12 @@ mod tests {
             "verify --level 0",
             "verify --jobs 1025",
             "verify -q -v",
+            "build --memory 1.5G",
+            "build --memory 1500MB",
+            "build --memory G",
+            "build --cache-limit 99999999999T",
+            "cache",
+            "cache gc --limit -1",
         ] {
             let error = parse(&format!("farfield {line}")).expect_err(line);
             assert_eq!(error.exit_code(), 2, "{line}");

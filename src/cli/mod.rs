@@ -5,12 +5,14 @@
 
 mod args;
 mod build;
+mod cache;
 mod init;
 mod inspect;
 mod progress;
 mod render;
 mod tradeoff;
 mod verify;
+mod watch;
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -40,6 +42,8 @@ pub fn main() -> ExitCode {
     ExitCode::from(match cli.command {
         Command::Init(args) => init::run(&args),
         Command::Build(args) => build::run(&args),
+        Command::Watch(args) => watch::run(&args),
+        Command::Cache(command) => cache::run(&command),
         Command::Render(args) => render::run(&args),
         Command::Verify(args) => verify::run(&args),
         Command::Tradeoff(args) => tradeoff::run(&args),

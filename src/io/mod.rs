@@ -16,6 +16,7 @@ mod png_image;
 pub mod preview;
 pub mod publish;
 mod raster;
+pub mod scratch;
 mod source;
 mod tiff_image;
 

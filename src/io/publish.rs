@@ -1,19 +1,17 @@
 //! Putting files in their place so that no reader, and no later run, ever meets half of them.
 //!
 //! Files are written into a temporary folder beside their place, flushed, and renamed; the file that names the others
-//! comes last. One [`Publisher`] serialises this, so that an interruption falls before a publication or after it.
+//! comes last. One [`Publisher`] serialises this, so that an interruption falls before a publication or after it; a lock
+//! on the folder serialises it among processes.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
 
 use super::Error;
-
-/// How old a temporary folder must be to be another run's remains: no publication takes an hour.
-const ORPHAN_AGE: Duration = Duration::from_secs(3600);
+use super::scratch::{Scratch, collect_orphans};
 
 /// The right to publish.
 #[derive(Debug, Default)]
@@ -41,18 +39,18 @@ impl Publisher {
         let _busy = self.halt();
         let parent = folder.parent().unwrap_or(Path::new("."));
         let name = folder.file_name().unwrap_or_default().to_string_lossy();
-        collect_orphans(parent, &name);
         fs::create_dir_all(folder).map_err(|cause| unwritable(folder, "created", cause))?;
-        let temporary = Temporary::create(parent, &name)?;
+        let temporary = temporary(parent, &name)?;
         for (file, bytes) in files {
-            write_flushed(&temporary.path.join(file), bytes)?;
+            write_flushed(&temporary.folder().join(file), bytes)?;
         }
+        let _turn = Turn::wait(folder);
         let order = files.keys().filter(|file| *file != last).map(String::as_str);
         for file in order {
-            rename(&temporary.path.join(file), &folder.join(file))?;
+            rename(&temporary.folder().join(file), &folder.join(file))?;
         }
         flush_folder(folder);
-        rename(&temporary.path.join(last), &folder.join(last))?;
+        rename(&temporary.folder().join(last), &folder.join(last))?;
         flush_folder(folder);
         remove_stale(folder, |file| stale(file) && !files.contains_key(file));
         Ok(())
@@ -68,7 +66,7 @@ impl Publisher {
                 _ => Path::new("."),
             };
         }
-        Temporary::create(existing, "probe").map(drop).map_err(|error| match error {
+        temporary(existing, "probe").map(drop).map_err(|error| match error {
             Error::System { cause, .. } => unwritable(folder, "written", cause),
             other => other,
         })
@@ -76,50 +74,54 @@ impl Publisher {
 
     /// Replaces the file at `path` by `bytes`.
     pub fn file(&self, path: &Path, bytes: &[u8]) -> Result<(), Error> {
+        self.update(path, |_| Some(bytes.into()))
+    }
+
+    /// Replaces the file at `path` by what `change` makes of it; nothing where that gives nothing, or what is there.
+    ///
+    /// No other publisher, of this process or another, comes between reading and writing.
+    pub fn update(&self, path: &Path, change: impl FnOnce(Option<&[u8]>) -> Option<Vec<u8>>) -> Result<(), Error> {
         let _busy = self.halt();
         let parent = path.parent().unwrap_or(Path::new("."));
         fs::create_dir_all(parent).map_err(|cause| unwritable(parent, "created", cause))?;
-        let temporary = Temporary::create(parent, &path.file_name().unwrap_or_default().to_string_lossy())?;
-        let written = temporary.path.join("new");
-        write_flushed(&written, bytes)?;
+        let _turn = Turn::wait(parent);
+        let old = fs::read(path).ok();
+        let Some(new) = change(old.as_deref()).filter(|new| Some(new) != old.as_ref()) else { return Ok(()) };
+        let temporary = temporary(parent, &path.file_name().unwrap_or_default().to_string_lossy())?;
+        let written = temporary.folder().join("new");
+        write_flushed(&written, &new)?;
         rename(&written, path)?;
         flush_folder(parent);
         Ok(())
     }
-}
 
-/// A folder that is gone when its owner is, whatever happened.
-struct Temporary {
-    path: PathBuf,
-}
-
-impl Temporary {
-    /// `.NAME.PROCESS.tmp` in `parent`.
-    fn create(parent: &Path, name: &str) -> Result<Self, Error> {
-        let path = parent.join(format!(".{name}.{}.tmp", std::process::id()));
-        fs::create_dir(&path).map_err(|cause| unwritable(&path, "created", cause))?;
-        Ok(Self { path })
+    /// Removes what dead processes left in `folder`, the parent of published folders.
+    pub fn sweep(&self, folder: &Path) {
+        let _busy = self.halt();
+        collect_orphans(folder, "");
     }
 }
 
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        // What cannot be removed is collected as an orphan later.
-        let _ = fs::remove_dir_all(&self.path);
-    }
-}
-
-/// Removes temporary folders that a killed run left for `name`.
-fn collect_orphans(parent: &Path, name: &str) {
+/// A temporary folder for `name` in `parent`, after what dead processes left for it is gone.
+fn temporary(parent: &Path, name: &str) -> Result<Scratch, Error> {
     let prefix = format!(".{name}.");
-    for entry in fs::read_dir(parent).into_iter().flatten().flatten() {
-        let file = entry.file_name();
-        let file = file.to_string_lossy();
-        let temporary = file.strip_prefix(&prefix).and_then(|rest| rest.strip_suffix(".tmp"));
-        let ours = temporary.is_some_and(|process| process.bytes().all(|b| b.is_ascii_digit()));
-        let age = entry.metadata().ok().and_then(|m| m.modified().ok()).and_then(|t| t.elapsed().ok());
-        if ours && age.is_some_and(|age| age > ORPHAN_AGE) {
-            let _ = fs::remove_dir_all(entry.path());
+    collect_orphans(parent, &prefix);
+    Scratch::claim(parent, &prefix).map_err(|cause| unwritable(&parent.join(format!("{prefix}tmp")), "created", cause))
+}
+
+/// Keeps other processes from publishing in `folder` while it lives, where the system lets a folder be locked.
+struct Turn(Option<File>);
+
+impl Turn {
+    fn wait(folder: &Path) -> Self {
+        Self(File::open(folder).ok().filter(|folder| folder.lock().is_ok()))
+    }
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        if let Some(folder) = &self.0 {
+            let _ = folder.unlock();
         }
     }
 }

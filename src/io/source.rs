@@ -1,6 +1,6 @@
 //! A file, read once: the bytes that are hashed are the bytes that are decoded.
 
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::io::Read;
 use std::path::Path;
 
@@ -20,20 +20,21 @@ impl SourceFile {
     /// Reads the file at `path`.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let name = path.display().to_string();
-        let fail = |cause| Error::system(&name, "read", cause);
-        let metadata = std::fs::metadata(path).map_err(fail)?;
-        if !metadata.is_file() {
-            // Pipes and devices have no length to hold a header against, and may never end.
-            let found = if metadata.is_dir() { "directory" } else { "special file" };
-            return Err(Error::NotAFile { file: name, found });
-        }
-        if metadata.len() > MAX_BYTES {
-            return Err(Error::TooLong { file: name, bytes: metadata.len() });
-        }
-        let mut bytes = Vec::with_capacity(usize::try_from(metadata.len()).unwrap_or(0));
+        let length = checked(path)?.len();
+        let mut bytes = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
         // A file that grows while it is read stays within the limit.
-        File::open(path).and_then(|file| file.take(MAX_BYTES).read_to_end(&mut bytes)).map_err(fail)?;
+        let read = File::open(path).and_then(|file| file.take(MAX_BYTES).read_to_end(&mut bytes));
+        read.map_err(|cause| Error::system(&name, "read", cause))?;
         Ok(Self { name, bytes })
+    }
+
+    /// BLAKE3 of the bytes that [`Self::read`] would read, which are not kept.
+    pub fn digest(path: &Path) -> Result<blake3::Hash, Error> {
+        checked(path)?;
+        let mut hasher = blake3::Hasher::new();
+        let hashed = File::open(path).and_then(|file| hasher.update_reader(file.take(MAX_BYTES)).map(drop));
+        hashed.map_err(|cause| Error::system(&path.display().to_string(), "read", cause))?;
+        Ok(hasher.finalize())
     }
 
     /// The given bytes under a name, as if read from a file.
@@ -50,4 +51,19 @@ impl SourceFile {
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
+}
+
+/// What the system says of the file at `path`, if it is one and not too long.
+fn checked(path: &Path) -> Result<Metadata, Error> {
+    let name = path.display().to_string();
+    let metadata = std::fs::metadata(path).map_err(|cause| Error::system(&name, "read", cause))?;
+    if !metadata.is_file() {
+        // Pipes and devices have no length to hold a header against, and may never end.
+        let found = if metadata.is_dir() { "directory" } else { "special file" };
+        return Err(Error::NotAFile { file: name, found });
+    }
+    if metadata.len() > MAX_BYTES {
+        return Err(Error::TooLong { file: name, bytes: metadata.len() });
+    }
+    Ok(metadata)
 }

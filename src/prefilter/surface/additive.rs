@@ -64,8 +64,7 @@ pub(super) fn fit_additive(
         0.5 * (cosine(i) * areas[patch][o] + cosine(o) * areas[patch][i])
     });
     let mut factors = fit_scaling(&light.reflectance, &base, directions, 1);
-    let [spatial] =
-        <[_; 1]>::try_from(factors.stored_spatial(&base, patches, heights.boundary())).expect("one factor");
+    let [spatial] = <[_; 1]>::try_from(factors.stored_spatial(&base, patches, heights.boundary())).expect("one factor");
     let missed = node_error(&light.reflectance, &base, directions, &factors.spatial, &factors.angular);
     let total = mean_square(&light.reflectance, directions).sqrt();
     let angular = full_table(&factors.angular[0], directions.len());

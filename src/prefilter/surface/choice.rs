@@ -79,7 +79,7 @@ pub struct Alternative {
 }
 
 /// What was chosen, and what was found on the way that the level is made of.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
     /// The sizes.
     pub sizes: TableSizes,
@@ -95,7 +95,7 @@ pub struct Choice {
 
 impl Choice {
     /// No choice.
-    fn fixed(sizes: TableSizes) -> Self {
+    pub fn fixed(sizes: TableSizes) -> Self {
         Self { sizes, predicted: None, alternatives: Vec::new(), heights: None, tables: None }
     }
 }

@@ -98,7 +98,7 @@ pub fn base_gaussians(brdf: &Brdf) -> Vec<[f32; 2]> {
 }
 
 /// F of the fine surface.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct FineTables {
     /// Of direct light, on the directions of S.
     pub direct: PatchReflectance,
@@ -187,9 +187,9 @@ pub fn fit_level(
     let mut factors = fit_scaling(direct, f_coarse, &directions, sizes.rank);
     let spatial = factors.stored_spatial(f_coarse, sizes.patches, heights.boundary());
     let on_node = node_error(direct, f_coarse, &directions, &factors.spatial, &factors.angular);
-    let fitted = interreflection.as_ref().map(|light| {
-        fit_additive(light, heights, sizes.patches, &TableDirections::new(additive::directions_of(brdf)))
-    });
+    let fitted = interreflection
+        .as_ref()
+        .map(|light| fit_additive(light, heights, sizes.patches, &TableDirections::new(additive::directions_of(brdf))));
     // both misses may add up, while of F the squares of its parts are counted alone
     let on_node = fitted.as_ref().map_or(on_node, |fitted| {
         let direct = mean_square(direct, &directions).sqrt();

@@ -83,7 +83,7 @@ pub(super) struct ThinnedDirections {
 }
 
 /// F of all patches: RGB, `[patch][rgb][pair]`.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PatchReflectance {
     values: Vec<f32>,
     pairs: usize,
@@ -108,6 +108,16 @@ impl PatchReflectance {
             }
         }
         Self { values, pairs }
+    }
+
+    /// The table of these values, `[patch][rgb][pair]`; `None` where they are not whole patches.
+    pub fn from_values(values: Vec<f32>, pairs: usize) -> Option<Self> {
+        (pairs > 0 && !values.is_empty() && values.len() % (3 * pairs) == 0).then_some(Self { values, pairs })
+    }
+
+    /// All values, `[patch][rgb][pair]`.
+    pub fn values(&self) -> &[f32] {
+        &self.values
     }
 
     /// Number of patches.

@@ -176,7 +176,7 @@ impl Trial {
     fn build(spec: &SurfaceSpec, input: &Input, index: usize) -> Result<Self, String> {
         let built = level::build_level(spec, input, index, StageClock::default(), &mut |_| {})?;
         let cpu_seconds = built.clock.stages().iter().filter(|(stage, _)| *stage != "measure").map(|(_, s)| s).sum();
-        let asset = surface_asset(spec, input, vec![SurfaceLevel { error: None, ..built.level.clone() }]);
+        let asset = surface_asset(spec, &input.sources(), vec![SurfaceLevel { error: None, ..built.level.clone() }]);
         let files = asset.encode().map_err(|error| error.to_string())?;
         let bytes = bytes_by_part(&files, index as u32).values().sum();
         let decoded = crate::build::encode::decoded(&files).map_err(|error| error.to_string())?;

@@ -19,6 +19,7 @@ use super::verification::{
     AssetVerification, Cost, LevelVerification, Light, SCHEMA, Settings, SourceFile, Verification, View,
 };
 use crate::build::clock::cpu_seconds;
+use crate::build::key::Digest;
 use crate::build::models::ModelData;
 use crate::build::{Plan, SurfaceSpec, stage};
 
@@ -159,7 +160,7 @@ impl Surface {
         for text in &input.warnings {
             on_event(VerifyEvent::Warning { name: &spec.name, text });
         }
-        if asset.source.digest != input.height_digest {
+        if asset.source.digest != input.height_digest.to_string() {
             return Err(format!(
                 "the asset in `{}` was built from another height map than `{}` is now; wanted `farfield build {}` first",
                 out.join(&spec.name).display(),
@@ -169,13 +170,13 @@ impl Surface {
         }
         let texels = input.fine.heights.size();
         let subject = Subject::new(spec, &input.fine.heights);
-        let source = |role: &str, digest: &str| SourceFile {
+        let source = |role: &str, digest: Digest| SourceFile {
             role: role.into(),
-            digest: digest.into(),
+            digest: digest.to_string(),
             size: texels.map(|n| n as u32),
         };
-        let mut sources = vec![source("height", &input.height_digest)];
-        sources.extend(input.color_digest.iter().map(|digest| source("color", digest)));
+        let mut sources = vec![source("height", input.height_digest)];
+        sources.extend(input.color_digest.iter().map(|&digest| source("color", digest)));
         let cells: Vec<[usize; 2]> = asset.levels.iter().map(|level| level.cells).collect();
         let models = [
             ModelData::farfield(asset.clone()),

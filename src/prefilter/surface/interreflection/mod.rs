@@ -25,8 +25,8 @@ mod vectors;
 
 use super::FineSurface;
 use super::fine::SortedSurface;
-use super::splits::Splits;
 use super::reflectance::{PatchReflectance, TableDirections, pair};
+use super::splits::Splits;
 use super::visibility::VisibilityBits;
 use crate::geometry::HeightTracer;
 use area::PatchArea;
@@ -71,7 +71,7 @@ struct Scene<'a> {
 }
 
 /// F of light reflected twice or more.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Interreflection {
     /// F on directions of its own.
     pub reflectance: PatchReflectance,
@@ -108,7 +108,8 @@ pub(super) fn interreflection(
         .map(|patch| PatchArea::new(&fine.heights, sorted.splits(), patches, patch))
         .collect();
     let bits = sorted.sees(directions);
-    let scene = Scene { fine, tracer, splits: sorted.splits(), bits, slot_of, directions, patches, areas, gray: is_gray(fine) };
+    let scene =
+        Scene { fine, tracer, splits: sorted.splits(), bits, slot_of, directions, patches, areas, gray: is_gray(fine) };
     let mut halves = [0, 1].map(|_| Sums::new(&scene));
     let signal = mean_square_of_map(direct);
     let mut rays = 0;

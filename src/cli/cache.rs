@@ -1,0 +1,91 @@
+//! `farfield cache`.
+
+use super::args::{CacheArgs, CacheCommand};
+use super::build::cache_folder;
+use super::{DONE, FAILED, complain, print};
+use crate::build::Store;
+
+/// Looks after the cache; the exit code.
+pub(super) fn run(command: &CacheCommand) -> u8 {
+    let (CacheCommand::Stats(args) | CacheCommand::Gc(args) | CacheCommand::Verify(args)) = command;
+    let folder = cache_folder(args.cache.as_ref(), &args.manifest);
+    if !folder.is_dir() {
+        complain(
+            "error",
+            &format!("`{}`: is no folder; wanted a build cache, which `farfield build` makes", folder.display()),
+        );
+        return FAILED;
+    }
+    match command {
+        CacheCommand::Stats(_) => stats(&Store::open_to_read(&folder), args),
+        CacheCommand::Gc(_) => gc(&Store::open(&folder, None), args),
+        CacheCommand::Verify(_) => verify(&Store::open(&folder, None), args),
+    }
+}
+
+fn stats(store: &Store, args: &CacheArgs) -> u8 {
+    let stats = store.stats();
+    print(&if args.json {
+        let line = serde_json::json!({
+            "records": stats.records, "record_bytes": stats.record_bytes, "artifacts": stats.artifacts,
+            "artifact_bytes": stats.artifact_bytes, "orphans": stats.orphans,
+        });
+        format!("{line}\n")
+    } else {
+        format!(
+            "records    {:>8}  {:>10}\nartifacts  {:>8}  {:>10}\norphans    {:>8}\n",
+            stats.records,
+            size(stats.record_bytes),
+            stats.artifacts,
+            size(stats.artifact_bytes),
+            stats.orphans
+        )
+    });
+    DONE
+}
+
+fn gc(store: &Store, args: &CacheArgs) -> u8 {
+    let removed = store.collect(args.limit);
+    print(&if args.json {
+        let line =
+            serde_json::json!({ "orphans": removed.orphans, "evicted": removed.evicted, "bytes": removed.bytes });
+        format!("{line}\n")
+    } else {
+        format!("removed {} orphans and {} artifacts, {}\n", removed.orphans, removed.evicted, size(removed.bytes))
+    });
+    told(store)
+}
+
+fn verify(store: &Store, args: &CacheArgs) -> u8 {
+    let damages = store.verify();
+    for damage in &damages {
+        let path = damage.path.display();
+        let end = if damage.is_removed { "removed; the next build makes it again" } else { "it cannot be removed" };
+        complain("error", &format!("`{path}`: is not what its name says; {end}"));
+    }
+    let stats = store.stats();
+    let files = stats.records + stats.artifacts;
+    print(&if args.json {
+        format!("{}\n", serde_json::json!({ "whole": files, "damaged": damages.len() }))
+    } else {
+        format!("{files} files are whole, {} are not\n", damages.len())
+    });
+    if damages.is_empty() { told(store) } else { FAILED }
+}
+
+/// Tells what the store has to say; the exit code.
+fn told(store: &Store) -> u8 {
+    store.notices().iter().for_each(|text| complain("warning", text));
+    DONE
+}
+
+/// Bytes for people.
+fn size(bytes: u64) -> String {
+    let units = ["B", "KiB", "MiB", "GiB", "TiB"];
+    let power = (0..units.len() - 1).find(|&power| bytes >> (10 * power) < 1024).unwrap_or(units.len() - 1);
+    if power == 0 {
+        format!("{bytes} B")
+    } else {
+        format!("{:.1} {}", bytes as f64 / (1_u64 << (10 * power)) as f64, units[power])
+    }
+}

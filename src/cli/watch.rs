@@ -1,0 +1,46 @@
+//! `farfield watch`.
+
+use std::path::PathBuf;
+
+use super::args::BuildArgs;
+use super::build::{compile, plan, publisher, remote};
+use super::complain;
+use crate::build::Plan;
+use crate::build::watch::{Looks, Watcher};
+
+/// Builds, and again whenever the manifest or a map has changed, until interrupted; an exit code if it cannot begin.
+pub(super) fn run(args: &BuildArgs) -> u8 {
+    let publisher = match publisher(&args.out) {
+        Ok(publisher) => publisher,
+        Err(code) => return code,
+    };
+    let mut watcher = Watcher::default();
+    loop {
+        let remote = match remote(args) {
+            Ok(remote) => remote,
+            Err(code) => return code,
+        };
+        let mut files = vec![args.manifest.clone()];
+        // How things look is asked before they are read: what changes afterwards is a change.
+        let mut looks = Looks::of(&files);
+        if let Ok(plan) = plan(args) {
+            let maps = maps_of(&plan);
+            looks = looks.and(Looks::of(&maps));
+            compile(&plan, args, remote, &publisher);
+            files.extend(maps);
+        }
+        if !args.quiet {
+            complain("watching", &format!("{} files", files.len()));
+        }
+        watcher.wait(&files, &looks);
+    }
+}
+
+/// Every file that the surfaces of `plan` are made from, each once.
+fn maps_of(plan: &Plan) -> Vec<PathBuf> {
+    let files = plan.surfaces.iter().flat_map(|surface| [Some(&surface.height), surface.color.as_ref()]);
+    let mut maps: Vec<PathBuf> = files.flatten().map(|file| plan.folder.join(file)).collect();
+    maps.sort();
+    maps.dedup();
+    maps
+}
