@@ -148,6 +148,7 @@ fn main() {
             rank: 1,
             lobes: None,
             light: LightTransport::Direct,
+            error: 0.02,
             seed: 1,
         };
         let start = ProcessTime::now();

@@ -349,7 +349,16 @@ fn settings_beyond_the_map_survive() {
     for (name, factor, patches, directions, rank, lobes) in odd {
         let case = Case::new(name, hills());
         run(&case.with(|s| {
-            *s = LevelSettings { factor, patches, directions, rank, lobes, light: LightTransport::Direct, seed: 1 }
+            *s = LevelSettings {
+                factor,
+                patches,
+                directions,
+                rank,
+                lobes,
+                light: LightTransport::Direct,
+                error: 0.02,
+                seed: 1,
+            }
         }));
     }
 }

@@ -15,6 +15,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ("color_rank2_repeat", Sample::ROOMY),
         ("plain_rank1_clamp", Sample { boundary: Boundary::Clamp, has_color: false, rank: 1, ..Sample::ROOMY }),
         ("diffuse_rank2_clamp", Sample { boundary: Boundary::Clamp, is_specular: false, ..Sample::ROOMY }),
+        ("additive_repeat", Sample { additive: Some(5), lobes: 2, directions: 3, ..Sample::ROOMY }),
         ("one_cell", Sample { cells: [1, 1], patches: [1, 1], directions: 1, lobes: 8, rank: 1, ..Sample::SMALL }),
     ] {
         let dir = out.join(name);

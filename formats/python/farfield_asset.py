@@ -2,6 +2,7 @@
 
     asset = load("lod/bark")
     f = f_low(asset, asset["levels"][0], x, n_c, wi, wo)    # arrays (n, 2), (n, 3), (n, 3), (n, 3) -> (n, 3)
+    e = additive(asset, asset["levels"][0], x, wi, wo)      # of the base plane: lit and shadowed as section 6 says
 
 Needs numpy and zstandard. Digests are not checked: BLAKE3 is not in Python's standard library.
 """
@@ -46,7 +47,9 @@ def load(folder):
             role, path = file["role"], file["path"]
             if len(path) > 200 or not re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9._-]*\.ktx2", path):
                 raise ValueError(f"not a plain file name: {path!r}")
-            size = level["M"] if role.startswith("spatial") else pairs if role.startswith("angular") else level["cells"]
+            sizes = {"spatial": level["M"], "angular": pairs, "additive_spatial": level["M"]}
+            sizes["additive_angular"] = [level["additive"]["N"] ** 2] * 2 if "additive" in level else None
+            size = sizes.get(role.rstrip("0123456789"), level["cells"])
             tables[role] = read_ktx2((folder / path).read_bytes(), role == "heights", *size)
         cells = level["cells"][0] * level["cells"][1]
         level["heights"] = tables["heights"][:, :, 0]
@@ -56,6 +59,8 @@ def load(folder):
         level["color"] = tables["base_color"][..., :3].reshape(cells, 3) if "base_color" in tables else np.ones((cells, 3))
         level["T"] = [tables[f"spatial{r}"][..., :3] for r in range(level["rank"])]
         level["S"] = [tables[f"angular{r}"][..., :3] for r in range(level["rank"])]
+        if "additive" in level:
+            level["additive"] |= {"T": tables["additive_spatial"][..., :3], "E": tables["additive_angular"][..., :3]}
     return asset
 
 
@@ -94,19 +99,28 @@ def bilinear(columns, rows):
     return [(j, i, a * b) for j, b in rows for i, a in columns]
 
 
-def scaling(asset, level, x, wi, wo):
-    """Σ T·S [4]."""
+def product(asset, level, tables, n, x, wi, wo):
+    """Σ T·S of pairs of tables, N = n [4]."""
     mx, my = level["M"]
-    n, repeat = level["N"], asset["boundary"] == "repeat"
+    repeat = asset["boundary"] == "repeat"
     place = bilinear(taps(x[:, 0], mx, repeat), taps(x[:, 1], my, repeat))
     pair = [[(j * n + i, a) for j, i, a in bilinear(taps(s, n, False), taps(t, n, False))]
             for s, t in (square_of(wi), square_of(wo))]
     total = 0
-    for T, S in zip(level["T"], level["S"]):
+    for T, S in tables:
         t = sum(a[:, None] * T[j, i] for j, i, a in place)
         s = sum((a * b)[:, None] * S[o, i] for o, b in pair[1] for i, a in pair[0])
         total = total + t * s
     return total
+
+
+def additive(asset, level, x, wi, wo):
+    """The additive term T_a·E, 1/sr, without a cosine [4.1]."""
+    if "additive" not in level:
+        return np.zeros((len(x), 3))
+    term = level["additive"]
+    above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
+    return np.where(above[:, None], product(asset, level, [(term["T"], term["E"])], term["N"], x, wi, wo), 0)
 
 
 def cell_at(level, x):
@@ -189,4 +203,5 @@ def f_low(asset, level, x, n_c, wi, wo):
     cell, _ = cell_at(level, x)
     index = cell[:, 1] * level["cells"][0] + cell[:, 0]
     lobes = (level[key][index] for key in ("mean", "kappa", "weight", "color"))
-    return scaling(asset, level, x, wi, wo) * f_c(asset["bsdf"], *lobes, n_c, wi, wo)
+    scaling = product(asset, level, zip(level["T"], level["S"]), level["N"], x, wi, wo)
+    return scaling * f_c(asset["bsdf"], *lobes, n_c, wi, wo)

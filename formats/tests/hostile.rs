@@ -181,7 +181,7 @@ fn frames_of_another_length_are_refused() {
 
 #[test]
 fn values_out_of_range_are_refused_by_the_reader() {
-    let files = Sample::SMALL.asset().encode().unwrap();
+    let files = Sample { additive: Some(3), ..Sample::SMALL }.asset().encode().unwrap();
     let payload = |role: &str, texel: &[u8]| {
         let name = payload_names(&files).into_iter().find(|name| name.contains(role)).unwrap();
         let front = &files[&name];
@@ -208,6 +208,8 @@ fn values_out_of_range_are_refused_by_the_reader() {
         ("base_color", texel([f32::INFINITY, 0.0, 0.0, 1.0])),
         ("spatial1", texel([0.0, f32::NAN, 0.0, 1.0])),
         ("angular0", texel([0.0, 0.0, 6.1e4, 1.0])),
+        ("additive_spatial", texel([0.0, -0.1, 0.0, 1.0])),
+        ("additive_angular", texel([0.0, 0.0, f32::NAN, 1.0])),
     ] {
         expect_refusal(&payload(role, &texel), "texel");
     }
@@ -252,6 +254,14 @@ fn absurd_documents_are_refused() {
     ] {
         expect_refusal(&edited(&files, from, to), words);
     }
+    let files = Sample { additive: Some(3), ..Sample::SMALL }.asset().encode().unwrap();
+    for (from, to, words) in [
+        ("\"N\": 3", "\"N\": 64", "`additive.N`: wanted 1 to 63, found 64"),
+        ("\"N\": 3", "\"N\": 4", "width in the header: wanted 16, found 9"),
+        ("\"additive\"", "\"subtractive\"", "found `additive_spatial`"),
+    ] {
+        expect_refusal(&edited(&files, from, to), words);
+    }
 }
 
 #[test]
@@ -266,7 +276,7 @@ fn deep_and_long_documents_are_refused() {
 #[test]
 fn what_the_format_cannot_hold_is_refused_by_the_writer() {
     let refusal = |change: &dyn Fn(&mut SurfaceAsset)| {
-        let mut asset = Sample::SMALL.asset();
+        let mut asset = Sample { additive: Some(3), ..Sample::SMALL }.asset();
         change(&mut asset);
         asset.encode().expect_err("the asset was damaged").to_string()
     };
@@ -286,6 +296,15 @@ fn what_the_format_cannot_hold_is_refused_by_the_writer() {
         (refusal(&|a| a.levels[0].heights.push(0.0)), "level 1, heights: wanted 6 values, found 7 values"),
         (refusal(&|a| a.levels[0].lobes[1].truncate(5)), "level 1, lobe1: wanted 6 values, found 5 values"),
         (refusal(&|a| a.levels[0].angular.truncate(1)), "level 1, rank of S"),
+        (
+            refusal(&|a| a.levels[0].additive.as_mut().unwrap().angular[7][0] = -0.1),
+            "level 1, additive_angular[7]: wanted",
+        ),
+        (
+            refusal(&|a| a.levels[0].additive.as_mut().unwrap().spatial.truncate(1)),
+            "level 1, additive_spatial: wanted 2",
+        ),
+        (refusal(&|a| a.levels[0].additive.as_mut().unwrap().directions = 64), "level 1, additive_angular"),
         (refusal(&|a| a.levels[0].cells = [usize::MAX; 2]), "level 1, heights"),
         (refusal(&|a| a.levels[0].lobes.clear()), "level 1, `lobes`"),
         (refusal(&|a| a.levels.push(a.levels[0].clone())), "`index` of a level: wanted 2 to"),

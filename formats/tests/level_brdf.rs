@@ -240,6 +240,44 @@ fn samples_follow_their_density_and_estimate_the_reflected_light() {
 }
 
 #[test]
+fn the_additive_term_is_what_the_reader_says_and_is_sampled_by_its_density() {
+    const SAMPLES: usize = 200_000;
+    let asset = Sample { additive: Some(7), ..Sample::ROOMY }.asset();
+    let (level, mut random) = (&asset.levels[0], Random(15));
+    let brdf = LevelBrdf::new(&asset, level);
+    for _ in 0..500 {
+        let hit = random_hit(&asset, &mut random);
+        let [wi, wo] = [random.direction(), random.direction()];
+        let (got, wanted) =
+            (brdf.additive_at(&hit, wo).unwrap().eval(wi), level.additive_at(hit.x, asset.boundary, wi, wo));
+        assert!((0..3).all(|k| (got[k] - wanted[k]).abs() <= 1e-5 * wanted[k]), "{got:?}, wanted {wanted:?}");
+        assert_eq!(brdf.additive_at(&hit, [wo[0], wo[1], -wo[2]]).map(|term| term.eval(wi)), None);
+        assert_eq!(brdf.additive_at(&hit, wo).unwrap().eval([wi[0], wi[1], -wi[2]]), [0.0; 3]);
+    }
+    for tilt in [[0.0; 2], [0.5, -0.3]] {
+        let bound = brdf.additive_at(&LevelHit { tilt, ..random_hit(&asset, &mut random) }, [0.0, 0.6, 0.8]).unwrap();
+        let cos_theta = |w| f64::from(dot(bound.normal(), w)).max(0.0);
+        let exact = cell_integrals(|w| [f64::from(bound.pdf(w)), f64::from(bound.eval(w)[1]) * cos_theta(w)]);
+        let expected: Vec<f64> = exact.iter().map(|cell| cell[0] * SAMPLES as f64).collect();
+        let (mut hits, mut sum, mut squares) = (vec![0.0; exact.len()], 0.0, 0.0);
+        for _ in 0..SAMPLES {
+            let Some(sample) = bound.sample([random.unit(), random.unit()]) else { continue };
+            assert_eq!((sample.pdf, sample.f), (bound.pdf(sample.wi), bound.eval(sample.wi)));
+            hits[cell_of(sample.wi)] += 1.0;
+            let weight = f64::from(sample.f[1]) * cos_theta(sample.wi) / f64::from(sample.pdf);
+            (sum, squares) = (sum + weight, squares + weight * weight);
+        }
+        let (chi2, freedom) = chi_square(&hits, &expected);
+        let z = deviation(chi2, freedom);
+        let (mean, wanted) = (sum / SAMPLES as f64, exact.iter().map(|cell| cell[1]).sum::<f64>());
+        let error = ((squares / SAMPLES as f64 - mean * mean) / SAMPLES as f64).sqrt();
+        println!("tilt {tilt:?}: chi² {z:.2}, mean {mean:.5} ± {error:.5}, exact {wanted:.5}");
+        assert!(z < Z, "tilt {tilt:?}: chi² {chi2} of {freedom}, {z} standard deviations");
+        assert!((mean - wanted).abs() < Z * error + 1e-3 * wanted, "tilt {tilt:?}: {mean} ± {error}, exact {wanted}");
+    }
+}
+
+#[test]
 fn hard_cases_give_finite_numbers() {
     let grazing = |phi: f32| {
         let (sin, cos) = 89.9f32.to_radians().sin_cos();

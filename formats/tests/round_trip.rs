@@ -13,13 +13,14 @@ fn decode(files: &BTreeMap<String, Vec<u8>>) -> Result<SurfaceAsset, Error> {
     SurfaceAsset::decode(&mut |path| Ok(files[path].clone()))
 }
 
-fn variants() -> [Sample; 5] {
+fn variants() -> [Sample; 6] {
     [
         Sample::SMALL,
         Sample::ROOMY,
         Sample { boundary: Boundary::Clamp, has_color: false, rank: 1, ..Sample::ROOMY },
         Sample { is_specular: false, cells: [1, 5], lobes: 1, patches: [1, 1], directions: 1, ..Sample::SMALL },
         Sample { lobes: 8, rank: 3, directions: 3, ..Sample::SMALL },
+        Sample { additive: Some(3), ..Sample::SMALL },
     ]
 }
 
@@ -33,6 +34,9 @@ fn assets_come_back_as_their_stated_rounding() {
             level.base_color.iter_mut().flatten().for_each(|rgb| *rgb = quantised(*rgb));
             level.spatial.iter_mut().flatten().for_each(|rgb| *rgb = quantised(*rgb));
             level.angular.iter_mut().flatten().for_each(|rgb| *rgb = quantised(*rgb));
+            if let Some(term) = &mut level.additive {
+                term.spatial.iter_mut().chain(&mut term.angular).for_each(|rgb| *rgb = quantised(*rgb));
+            }
         }
         assert_eq!(decode(&asset.encode().unwrap()).unwrap(), wanted);
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use formats::asset::{DOCUMENT, Light, Source, SurfaceAsset, SurfaceLevel};
+use formats::asset::{AdditiveTerm, DOCUMENT, Light, Source, SurfaceAsset, SurfaceLevel};
 use formats::{BaseBrdf, Boundary, Error, Lobe, Specular};
 use serde_json::json;
 
@@ -13,6 +13,9 @@ use crate::prefilter::surface::{CoarseLevel, LightTransport};
 
 /// Raised when the compiler writes other bytes for the same input and settings.
 pub const SURFACE_VERSION: &str = "3";
+
+/// The same for what interreflection adds; direct light knows nothing of it.
+pub const INTERREFLECTION_VERSION: &str = "2";
 
 /// The asset of `spec` with the given levels: no time, path, thread count or host is in it.
 pub fn surface_asset(spec: &SurfaceSpec, input: &Input, levels: Vec<SurfaceLevel>) -> SurfaceAsset {
@@ -25,7 +28,7 @@ pub fn surface_asset(spec: &SurfaceSpec, input: &Input, levels: Vec<SurfaceLevel
         source: Source { digest: input.height_digest.clone(), width, height },
         bsdf: base_brdf(&spec.brdf),
         settings: settings(spec, input),
-        versions: BTreeMap::from([("surface".into(), SURFACE_VERSION.into())]),
+        versions: versions(spec.light()),
         seed: spec.levels.first().map_or(0, |level| level.seed),
         // every copy of a kernel gives the same bits (`math::simd`), and the FFT runs its scalar code
         isa: "baseline".into(),
@@ -49,9 +52,21 @@ pub fn surface_level(index: usize, fine: &geometry::HeightField, coarse: CoarseL
         spatial: coarse.spatial,
         directions: coarse.directions,
         angular: coarse.angular,
+        additive: coarse.additive.map(|term| AdditiveTerm {
+            directions: term.directions,
+            spatial: term.spatial,
+            angular: term.angular,
+        }),
         error: None,
         limited_by: None,
     }
+}
+
+/// Version of each stage that light of this kind passes.
+fn versions(light: LightTransport) -> BTreeMap<String, String> {
+    let interreflection = (light != LightTransport::Direct).then_some(("interreflection", INTERREFLECTION_VERSION));
+    let stages = [("surface", SURFACE_VERSION)].into_iter().chain(interreflection);
+    stages.map(|(stage, version)| (stage.into(), version.into())).collect()
 }
 
 /// The light in the words of `formats`.
@@ -89,7 +104,7 @@ pub fn is_payload(name: &str) -> bool {
     name.starts_with("level") && name.ends_with(".ktx2")
 }
 
-/// Bytes of level `index` by part: `heights`, `lobes`, `base_color`, `spatial`, `angular`.
+/// Bytes of level `index` by part: `heights`, `lobes`, `base_color`, `spatial`, `angular`, `additive_spatial`, `additive_angular`.
 pub fn bytes_by_part(files: &BTreeMap<String, Vec<u8>>, index: u32) -> BTreeMap<String, u64> {
     let mut parts = BTreeMap::new();
     let prefix = format!("level{index}.");

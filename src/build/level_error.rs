@@ -3,7 +3,8 @@
 //! The level comes decoded from its own bytes and is read through `formats`: T and S interpolated, every cell's own
 //! lobes. At random triples (patch, ωi, ωo) F of both surfaces is found by exact ray casts; nothing of the fit's
 //! machinery (visibility bits, normal bins, prototypes, table nodes) is used. Two independent halves a and b of points
-//! keep the noise of the casts out of the squares: ε² = Σ d_a·d_b / Σ F_a·F_b with d = T·S·F_coarse − F_fine.
+//! keep the noise of the casts out of the squares: ε² = Σ d_a·d_b / Σ F_a·F_b with d = F_low − F_fine, F_low =
+//! T·S·F_coarse and what the additive term brings: T_a·E·⟨ωg, ωi⟩ from every point that the viewer ωo sees.
 
 use formats::asset::{Figure, LevelError, Light, SurfaceLevel};
 use formats::{BaseBrdf, Boundary, lookup};
@@ -163,7 +164,7 @@ fn fine_sums(
     mean(sums)
 }
 
-/// F of the coarse surface with f_low for every pair, RGB.
+/// F of the coarse surface with f_low and the additive term for every pair (ωi, ωo), RGB.
 fn coarse_sums(
     level: &SurfaceLevel,
     boundary: Boundary,
@@ -175,11 +176,13 @@ fn coarse_sums(
 ) -> Vec<[f64; 3]> {
     let mut sums = vec![[0.0; 3]; pairs.len()];
     for_each_point(tracer, sampling, directions, |point| {
-        if point.visible()[0].count_ones() < 2 {
+        let seen = point.visible()[0].count_ones();
+        if seen == 0 || seen < 2 && level.additive.is_none() {
             return;
         }
         let x = point.uv.map(|x| x as f32);
         let spatial: Vec<[f32; 3]> = (0..level.spatial.len()).map(|rank| level.spatial_at(rank, x, boundary)).collect();
+        let additive = level.additive_spatial_at(x, boundary);
         let [u, v] = point.point.cell;
         let scatter = cells.get(v * level.cells[0] + u);
         for (k, (sum, &[i, o])) in sums.iter_mut().zip(pairs).enumerate() {
@@ -190,6 +193,10 @@ fn coarse_sums(
                     let scale: f32 = spatial.iter().zip(&cells.angular[k]).map(|(t, s)| t[c] * s[c]).sum();
                     sum[c] += f64::from(scale * scatter[k][c] * areas);
                 }
+            }
+            if point.sees(o) {
+                let areas = directions[i].z * point.shown_area(directions[o]);
+                (0..3).for_each(|c| sum[c] += f64::from(additive[c] * cells.additive[k][c] * areas));
             }
         }
     });
@@ -208,6 +215,8 @@ struct CellCache<'a> {
     pairs: &'a [[usize; 2]],
     /// S at every pair, `[pair][rank]`.
     angular: Vec<Vec<[f32; 3]>>,
+    /// E at every pair.
+    additive: Vec<[f32; 3]>,
     values: std::collections::HashMap<usize, std::rc::Rc<Vec<[f32; 3]>>>,
 }
 
@@ -222,12 +231,14 @@ impl<'a> CellCache<'a> {
         let ranks = 0..level.angular.len();
         let angular =
             pairs.iter().map(|&[i, o]| ranks.clone().map(|rank| level.angular_at(rank, w[i], w[o])).collect());
+        let additive = |&[i, o]: &[usize; 2]| level.additive.as_ref().map_or([0.0; 3], |e| e.angular_at(w[i], w[o]));
         Self {
             reference,
             level,
             directions: *directions,
             pairs,
             angular: angular.collect(),
+            additive: pairs.iter().map(additive).collect(),
             values: Default::default(),
         }
     }
@@ -279,7 +290,8 @@ fn jackknife(
     Figure { value, standard_error: variance.sqrt() }
 }
 
-/// Root mean square of f_low(ωi, ωo) − f_low(ωo, ωi) over that of f_low, at random places and directions.
+/// Root mean square of f(ωi, ωo) − f(ωo, ωi) over that of f, at random places and directions; f is f_low and, beside it,
+/// the additive term.
 fn reciprocity(reference: &Reference<'_>, level: &SurfaceLevel) -> f64 {
     const PLACES: u64 = 1000;
     let stream = Stream::new(reference.seed, DIRECTIONS - 1);
@@ -290,10 +302,11 @@ fn reciprocity(reference: &Reference<'_>, level: &SurfaceLevel) -> f64 {
         let cell = level.cell_brdf(level.cell_at(x), reference.bsdf);
         let value = |wi, wo| {
             let (f, scale) = (cell.normalised(wi, wo), level.scaling_at(x, reference.boundary, wi, wo));
-            [0, 1, 2].map(|c| f64::from(f[c] * scale[c]))
+            let additive = level.additive_at(x, reference.boundary, wi, wo);
+            std::array::from_fn::<_, 6, _>(|c| f64::from(if c < 3 { f[c] * scale[c] } else { additive[c - 3] }))
         };
         let (there, back) = (value(wi, wo), value(wo, wi));
-        for c in 0..3 {
+        for c in 0..6 {
             difference += (there[c] - back[c]).powi(2);
             total += 0.5 * (there[c].powi(2) + back[c].powi(2));
         }

@@ -56,7 +56,10 @@ impl Plan {
 
     /// The plan with another target for every surface.
     pub fn with_error(mut self, error: f64) -> Self {
-        self.surfaces.iter_mut().for_each(|surface| surface.error = error);
+        for surface in &mut self.surfaces {
+            surface.error = error;
+            surface.levels.iter_mut().for_each(|level| level.error = error);
+        }
         self
     }
 }

@@ -127,6 +127,19 @@ impl<'a> DisplacedPlane<'a> {
         self.intersect_from(from, direction).is_some_and(|hit| hit.t < t_max)
     }
 
+    /// Whether what stands around the tile's relief at `from` hides the first `t_max` of `direction` from the top of it.
+    ///
+    /// The relief itself does not count: the half-line starts above it. Without a large shape nothing else is there.
+    pub fn occluded_above_relief(&self, from: &PlaneHit, direction: Vec3, t_max: f64) -> bool {
+        if self.large.is_none() {
+            return false;
+        }
+        let lift = self.range[1] - from.facet.gap(from.position);
+        let margin = SLAB_MARGIN * (self.range[1] - self.range[0] + from.position.z.abs());
+        let origin = from.position + DVec3::Z * (lift.max(0.0) + margin);
+        self.intersect(&Ray { origin, direction }).is_some_and(|hit| hit.t < t_max)
+    }
+
     /// Where a ray meets what is displaced: the large shape, or a plane halfway up the tile. The facet and the distance.
     pub fn base_under(&self, origin: DVec3, direction: DVec3) -> Option<(Facet, f64)> {
         if let Some(large) = self.large {

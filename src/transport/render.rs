@@ -3,6 +3,10 @@
 //! One sample of a pixel is one path. At each hit one light is sampled and one direction of the BRDF; what either finds is
 //! weighted by the power heuristic (Veach 1997). `Direct` stops after the first hit's light, `Path` goes on along the
 //! BRDF's direction with Russian roulette. An area light ends the paths that meet its front; it reflects nothing.
+//!
+//! A level's additive term is a second BRDF of its first hit, that of the base plane: it has the same light sample and a
+//! direction of its own, and shadow rays that start above the relief. Only what comes from outside of the relief meets
+//! it: later hits of a path are inside.
 
 use std::ops::Range;
 
@@ -14,6 +18,7 @@ use super::sampler::{Sampler, Sampling};
 use super::scene::{Lod, RenderLevel, Scene, direction_in_base, direction_in_world};
 use super::shading::{Bounce, BoundShading};
 use crate::geometry::{PlaneHit, Ray};
+use formats::level_brdf::BoundAdditive;
 
 /// Which light is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,6 +79,8 @@ struct Path<'s, 'a> {
 struct Vertex<'s> {
     hit: PlaneHit,
     shading: BoundShading<'s>,
+    /// The additive term, at the first hit of a level that has one.
+    additive: Option<BoundAdditive<'s>>,
     /// Where it is in the world.
     world: DVec3,
 }
@@ -114,10 +121,16 @@ impl<'s, 'a> Path<'s, 'a> {
                 break;
             }
             let shading = level.shading.at(&hit, size, wo);
-            let vertex = Vertex { hit, shading, world: self.scene.point_in_world(hit.position) };
+            let additive = (bounce == 0).then(|| level.shading.additive_at(&hit, size, wo)).flatten();
+            let vertex = Vertex { hit, shading, additive, world: self.scene.point_in_world(hit.position) };
             let [a, b, choice, survive] = self.sampler.four(2 * bounce + 1);
-            let [c, d, e, _] = self.sampler.four(2 * bounce + 2);
+            let [c, d, e, f] = self.sampler.four(2 * bounce + 2);
             sum += throughput * self.light_sample(level, &vertex, choice, [a, b]);
+            if let Some(additive) = &vertex.additive {
+                // one of the camera's four numbers is left
+                let [.., g] = self.sampler.four(0);
+                sum += self.light_along_additive(level, &vertex, additive, [f, g]);
+            }
             if self.settings.integrator == Integrator::Direct {
                 sum += throughput * self.light_along_brdf(level, &vertex, [c, d, e]);
                 break;
@@ -189,9 +202,17 @@ impl<'s, 'a> Path<'s, 'a> {
     fn light_sample(&self, level: &RenderLevel<'_>, vertex: &Vertex<'_>, choice: f32, u: [f32; 2]) -> Vec3 {
         let Some(sample) = self.scene.lights.sample(vertex.world, choice, u) else { return Vec3::ZERO };
         let wi = direction_in_base(sample.wi);
+        let additive = vertex.additive.as_ref().map_or(Vec3::ZERO, |additive| {
+            let weight = if sample.is_delta { 1.0 } else { power_heuristic(sample.pdf, additive.pdf(wi.to_array())) };
+            let value = Vec3::from(additive.eval(wi.to_array())) * Vec3::from(additive.normal()).dot(wi).max(0.0);
+            if value == Vec3::ZERO || level.plane.occluded_above_relief(&vertex.hit, wi, sample.distance) {
+                return Vec3::ZERO;
+            }
+            value * Vec3::from(sample.radiance) * (weight / sample.pdf)
+        });
         let cosine = vertex.hit.normal.dot(wi);
         if cosine <= 0.0 {
-            return Vec3::ZERO;
+            return additive;
         }
         let (value, weight) = if sample.is_delta {
             (vertex.shading.eval(wi), 1.0)
@@ -200,9 +221,31 @@ impl<'s, 'a> Path<'s, 'a> {
             (value, power_heuristic(sample.pdf, pdf))
         };
         if value == Vec3::ZERO || level.plane.occluded(&vertex.hit, wi, sample.distance) {
+            return additive;
+        }
+        additive + value * Vec3::from(sample.radiance) * (cosine * weight / sample.pdf)
+    }
+
+    /// The light that a direction of the additive term meets, if nothing but the relief is between.
+    fn light_along_additive(
+        &self,
+        level: &RenderLevel<'_>,
+        vertex: &Vertex<'_>,
+        additive: &BoundAdditive<'_>,
+        u: [f32; 2],
+    ) -> Vec3 {
+        if self.scene.lights.are_all_delta() {
             return Vec3::ZERO;
         }
-        value * Vec3::from(sample.radiance) * (cosine * weight / sample.pdf)
+        let Some(sample) = additive.sample(u) else { return Vec3::ZERO };
+        let wi = Vec3::from(sample.wi);
+        let (distance, seen) = self.scene.lights.met(vertex.world, direction_in_world(wi));
+        if seen == [0.0; 3] || level.plane.occluded_above_relief(&vertex.hit, wi, distance) {
+            return Vec3::ZERO;
+        }
+        let weight = power_heuristic(sample.pdf, self.light_pdf(vertex, wi));
+        let cosine = Vec3::from(additive.normal()).dot(wi);
+        Vec3::from(sample.f) * Vec3::from(seen) * (cosine / sample.pdf * weight)
     }
 
     /// Light of the sources that `ray` (base frame) meets within `reach`; not zero means that the ray ends there.

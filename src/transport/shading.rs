@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use crate::geometry::PlaneHit;
 use crate::material::{Brdf, LeadrBrdf, SlopeMoments};
-use formats::level_brdf::{BoundBrdf, LevelBrdf, LevelHit};
+use formats::level_brdf::{BoundAdditive, BoundBrdf, LevelBrdf, LevelHit};
 
 /// The materials of one level, over the map.
 #[derive(Debug)]
@@ -57,11 +57,7 @@ impl Shading<'_> {
         let tilt = hit.facet.tilt.as_vec2();
         match self {
             Self::Base { brdf, color } => BoundShading::Base { brdf: tinted(brdf, color), normal, wo },
-            Self::Prefiltered(level) => {
-                let x = [0, 1].map(|k| (hit.point.cell[k] as f32 + hit.point.st[k]) / size[k] as f32);
-                let hit = LevelHit { x, n_c: normal.to_array(), tilt: tilt.to_array() };
-                BoundShading::Prefiltered(level.at(&hit, wo.to_array()))
-            }
+            Self::Prefiltered(level) => BoundShading::Prefiltered(level.at(&level_hit(hit, size), wo.to_array())),
             Self::Leadr { brdf, color, moments } => {
                 let SlopeMoments { mean, covariance } = moments[cell];
                 let mean_slope = [mean[0] + tilt.x, mean[1] + tilt.y];
@@ -70,6 +66,20 @@ impl Shading<'_> {
             }
         }
     }
+}
+
+impl Shading<'_> {
+    /// What the base plane reflects besides, where `hit` is: lit with its own cosine, not shadowed by the relief.
+    pub(super) fn additive_at(&self, hit: &PlaneHit, size: [usize; 2], wo: Vec3) -> Option<BoundAdditive<'_>> {
+        let Self::Prefiltered(level) = self else { return None };
+        level.additive_at(&level_hit(hit, size), wo.to_array())
+    }
+}
+
+/// A hit on a map of `size` cells in the words of `formats`.
+fn level_hit(hit: &PlaneHit, size: [usize; 2]) -> LevelHit {
+    let x = [0, 1].map(|k| (hit.point.cell[k] as f32 + hit.point.st[k]) / size[k] as f32);
+    LevelHit { x, n_c: hit.normal.to_array(), tilt: hit.facet.tilt.as_vec2().to_array() }
 }
 
 impl BoundShading<'_> {

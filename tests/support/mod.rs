@@ -106,7 +106,16 @@ pub(crate) fn centre(i: usize, j: usize) -> SurfacePoint {
 
 /// The default tables with a factor.
 pub(crate) fn at(factor: f32) -> LevelSettings {
-    LevelSettings { factor, patches: 4, directions: 15, rank: 1, lobes: None, light: LightTransport::Direct, seed: 1 }
+    LevelSettings {
+        factor,
+        patches: 4,
+        directions: 15,
+        rank: 1,
+        lobes: None,
+        light: LightTransport::Direct,
+        error: 0.02,
+        seed: 1,
+    }
 }
 
 /// A level as the compiler gives it.

@@ -1,8 +1,8 @@
 //! An asset from the bytes of its files.
 
 use super::document::{Document, FileDocument, LevelDocument, is_digest};
-use super::payload::{Role, colors_of, heights_of, lobes_of};
-use super::{DOCUMENT, SurfaceAsset, SurfaceLevel};
+use super::payload::{Role, amounts_of, colors_of, heights_of, lobes_of};
+use super::{AdditiveTerm, DOCUMENT, SurfaceAsset, SurfaceLevel};
 use crate::Error;
 use crate::ktx2::{self, Texels};
 use half::f16;
@@ -84,6 +84,11 @@ fn decode_level(level: &LevelDocument, fetch: &mut Fetch<'_>) -> Result<SurfaceL
         spatial: Vec::new(),
         directions: shape.directions,
         angular: Vec::new(),
+        additive: shape.additive.map(|directions| AdditiveTerm {
+            directions,
+            spatial: Vec::new(),
+            angular: Vec::new(),
+        }),
         error: level.error,
         limited_by: level.limited_by.clone(),
     };
@@ -100,6 +105,10 @@ fn decode_level(level: &LevelDocument, fetch: &mut Fetch<'_>) -> Result<SurfaceL
     Ok(decoded)
 }
 
+fn additive(level: &mut SurfaceLevel) -> &mut AdditiveTerm {
+    level.additive.as_mut().expect("the roles of the term are asked for where there is one")
+}
+
 /// Roles come in order, so ranks and lobes are pushed in theirs.
 fn place_texels(level: &mut SurfaceLevel, role: Role, path: &str, texels: &[[f16; 4]]) -> Result<(), Error> {
     match role {
@@ -108,6 +117,8 @@ fn place_texels(level: &mut SurfaceLevel, role: Role, path: &str, texels: &[[f16
         Role::BaseColor => level.base_color = Some(colors_of(path, texels)?),
         Role::Spatial(_) => level.spatial.push(colors_of(path, texels)?),
         Role::Angular(_) => level.angular.push(colors_of(path, texels)?),
+        Role::AdditiveSpatial => additive(level).spatial = amounts_of(path, texels)?,
+        Role::AdditiveAngular => additive(level).angular = amounts_of(path, texels)?,
     }
     Ok(())
 }

@@ -63,8 +63,16 @@ pub(super) struct LevelDocument {
     #[serde(rename = "N")]
     directions: usize,
     rank: usize,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    additive: Option<AdditiveDocument>,
     pub(super) error: Option<LevelError>,
     pub(super) limited_by: Option<String>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct AdditiveDocument {
+    #[serde(rename = "N")]
+    directions: usize,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -198,6 +206,7 @@ impl LevelDocument {
             patches: level.patches,
             directions: level.directions,
             rank: level.spatial.len(),
+            additive: level.additive.as_ref().map(|term| AdditiveDocument { directions: term.directions }),
             error: level.error,
             limited_by: level.limited_by.clone(),
         }
@@ -211,6 +220,7 @@ impl LevelDocument {
             patches: self.patches,
             directions: self.directions,
             rank: self.rank,
+            additive: self.additive.as_ref().map(|term| term.directions),
         }
     }
 
@@ -227,6 +237,9 @@ impl LevelDocument {
         within(key("lobes"), self.lobes, 1, MAX_LOBES)?;
         within(key("N"), self.directions, 1, MAX_DIRECTIONS)?;
         within(key("rank"), self.rank, 1, MAX_RANK)?;
+        if let Some(term) = &self.additive {
+            within(key("additive.N"), term.directions, 1, MAX_DIRECTIONS)?;
+        }
         for (name, figure) in self.error.iter().flat_map(LevelError::figures) {
             within(key(name), figure.value, -MAX_FIGURE, MAX_FIGURE)?;
             within(key(name), figure.standard_error, 0.0, MAX_FIGURE)?;

@@ -68,5 +68,9 @@ fn check_shape(level: &SurfaceLevel) -> Result<(), Error> {
     for (rank, values) in level.angular.iter().enumerate() {
         expect(format!("angular{rank}"), pairs, values.len())?;
     }
+    if let Some(term) = &level.additive {
+        expect("additive_spatial".into(), patches, term.spatial.len())?;
+        expect("additive_angular".into(), term.directions.saturating_pow(4), term.angular.len())?;
+    }
     Ok(())
 }

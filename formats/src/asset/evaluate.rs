@@ -1,6 +1,6 @@
-//! What a level stands for: f_low = (Σ_r T_r(x)·S_r(ωi, ωo))·f_c.
+//! What a level stands for: f_low = (Σ_r T_r(x)·S_r(ωi, ωo))·f_c on the displaced surface, T_a(x)·E(ωi, ωo) on the base.
 
-use super::{SurfaceAsset, SurfaceLevel};
+use super::{AdditiveTerm, SurfaceAsset, SurfaceLevel};
 use crate::cell_brdf::{BaseBrdf, CellBrdf};
 use crate::lookup::{Boundary, angular_taps, bilinear_taps};
 
@@ -21,21 +21,7 @@ impl SurfaceLevel {
     #[inline]
     pub fn angular_at(&self, rank: usize, wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
         let n = self.directions;
-        self.angular_with(rank, &angular_taps(wi, n), &angular_taps(wo, n))
-    }
-
-    #[inline]
-    fn angular_with(&self, rank: usize, wi: &Taps, wo: &Taps) -> [f32; 3] {
-        let columns = self.directions * self.directions;
-        let table = &self.angular[rank];
-        let mut sum = [0.0; 3];
-        for &(row, weight) in wo {
-            let value = weighted(&table[row * columns..(row + 1) * columns], wi);
-            for channel in 0..3 {
-                sum[channel] += weight * value[channel];
-            }
-        }
-        sum
+        pair_weighted(&self.angular[rank], &angular_taps(wi, n), &angular_taps(wo, n), n)
     }
 
     /// Σ_r T_r(x)·S_r(ωi, ωo), RGB, no unit.
@@ -46,12 +32,28 @@ impl SurfaceLevel {
         let mut sum = [0.0; 3];
         for (rank, spatial) in self.spatial.iter().enumerate() {
             let spatial = weighted(spatial, &place);
-            let angular = self.angular_with(rank, &wi, &wo);
+            let angular = pair_weighted(&self.angular[rank], &wi, &wo, self.directions);
             for channel in 0..3 {
                 sum[channel] += spatial[channel] * angular[channel];
             }
         }
         sum
+    }
+
+    /// T_a(x)·E(ωi, ωo), 1/sr, RGB: what the base plane reflects besides; 0 without the term and below the horizon.
+    ///
+    /// It is lit with the cosine of the base plane and shadowed by nothing of the relief.
+    pub fn additive_at(&self, x: [f32; 2], boundary: Boundary, wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
+        let Some(term) = self.additive.as_ref().filter(|_| wi[2] > 0.0 && wo[2] > 0.0) else { return [0.0; 3] };
+        let (spatial, angular) = (self.additive_spatial_at(x, boundary), term.angular_at(wi, wo));
+        [0, 1, 2].map(|channel| spatial[channel] * angular[channel])
+    }
+
+    /// T_a at the fraction `x` of the map, as [`Self::spatial_at`]; 0 without the term.
+    #[inline]
+    pub fn additive_spatial_at(&self, x: [f32; 2], boundary: Boundary) -> [f32; 3] {
+        let taps = || bilinear_taps(x, self.patches, boundary);
+        self.additive.as_ref().map_or([0.0; 3], |term| weighted(&term.spatial, &taps()))
     }
 
     /// Height in metres of the coarse surface over the fraction `x` ∈ [0, 1) of the map.
@@ -113,6 +115,29 @@ impl SurfaceLevel {
         let scaling = self.scaling_at(x, asset.boundary, wi, wo);
         [0, 1, 2].map(|channel| scaling[channel] * f_c[channel])
     }
+}
+
+impl AdditiveTerm {
+    /// E(ωi, ωo), as [`SurfaceLevel::angular_at`].
+    #[inline]
+    pub fn angular_at(&self, wi: [f32; 3], wo: [f32; 3]) -> [f32; 3] {
+        let n = self.directions;
+        pair_weighted(&self.angular, &angular_taps(wi, n), &angular_taps(wo, n), n)
+    }
+}
+
+/// A table of pairs, `[wo·n² + wi]`, at the taps of both directions.
+#[inline]
+fn pair_weighted(table: &[[f32; 3]], wi: &Taps, wo: &Taps, n: usize) -> [f32; 3] {
+    let columns = n * n;
+    let mut sum = [0.0; 3];
+    for &(row, weight) in wo {
+        let value = weighted(&table[row * columns..(row + 1) * columns], wi);
+        for channel in 0..3 {
+            sum[channel] += weight * value[channel];
+        }
+    }
+    sum
 }
 
 #[inline]

@@ -76,7 +76,8 @@ pub struct SurfaceAsset {
 pub enum Light {
     /// Shadowing and masking of direct light.
     Direct,
-    /// Light reflected within the surface as well: the level under direct light is the original under all light.
+    /// Light reflected within the surface as well: the level under direct light is the original under all light. What
+    /// was reflected more than once is the level's [`AdditiveTerm`].
     Baked,
 }
 
@@ -124,10 +125,27 @@ pub struct SurfaceLevel {
     pub directions: usize,
     /// S, `[rank][wo·N² + wi]`, RGB; no unit.
     pub angular: Vec<Vec<[f32; 3]>>,
+    /// Light that the relief reflects within itself before it leaves, where the tables hold any.
+    pub additive: Option<AdditiveTerm>,
     /// Measured error, if it was measured.
     pub error: Option<LevelError>,
     /// What kept the level from its target, if anything.
     pub limited_by: Option<String>,
+}
+
+/// Light that a relief reflects within itself before it leaves: T_a(x)·E(ωi, ωo), a BRDF of the **base plane**.
+///
+/// It meets light with the cosine of the base plane, and the relief does not shadow it: what comes in at the top leaves
+/// again wherever the relief is seen, from walls that see no light themselves too. No BRDF of the displaced surface can
+/// do that.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AdditiveTerm {
+    /// Direction cells along one axis of the concentric square (N_a).
+    pub directions: usize,
+    /// T_a, `[patch]` with the level's patches, RGB >= 0; no unit.
+    pub spatial: Vec<[f32; 3]>,
+    /// E, `[wo·N_a² + wi]`, RGB >= 0; 1/sr.
+    pub angular: Vec<[f32; 3]>,
 }
 
 /// The error of a level as measured through its own bytes.

@@ -15,6 +15,8 @@ pub(super) enum Role {
     BaseColor,
     Spatial(usize),
     Angular(usize),
+    AdditiveSpatial,
+    AdditiveAngular,
 }
 
 /// The counts of a level that decide which payloads it has and how large they are.
@@ -26,6 +28,8 @@ pub(super) struct Shape {
     pub(super) patches: [usize; 2],
     pub(super) directions: usize,
     pub(super) rank: usize,
+    /// Direction cells per axis of the additive term, if there is one.
+    pub(super) additive: Option<usize>,
 }
 
 impl Shape {
@@ -37,6 +41,7 @@ impl Shape {
             patches: level.patches,
             directions: level.directions,
             rank: level.spatial.len(),
+            additive: level.additive.as_ref().map(|term| term.directions),
         }
     }
 
@@ -47,6 +52,9 @@ impl Shape {
         roles.extend(self.has_color.then_some(Role::BaseColor));
         roles.extend((0..self.rank).map(Role::Spatial));
         roles.extend((0..self.rank).map(Role::Angular));
+        if self.additive.is_some() {
+            roles.extend([Role::AdditiveSpatial, Role::AdditiveAngular]);
+        }
         roles
     }
 
@@ -54,8 +62,9 @@ impl Shape {
     pub(super) fn size(&self, role: Role) -> [usize; 2] {
         match role {
             Role::Heights | Role::Lobe(_) | Role::BaseColor => self.cells,
-            Role::Spatial(_) => self.patches,
+            Role::Spatial(_) | Role::AdditiveSpatial => self.patches,
             Role::Angular(_) => [self.directions * self.directions; 2],
+            Role::AdditiveAngular => [self.additive.map_or(0, |n| n * n); 2],
         }
     }
 }
@@ -69,6 +78,8 @@ impl Role {
             Self::BaseColor => "base_color".into(),
             Self::Spatial(rank) => format!("spatial{rank}"),
             Self::Angular(rank) => format!("angular{rank}"),
+            Self::AdditiveSpatial => "additive_spatial".into(),
+            Self::AdditiveAngular => "additive_angular".into(),
         }
     }
 
@@ -87,6 +98,10 @@ pub(super) fn texels(level: &SurfaceLevel, role: Role) -> Result<Texels, Error> 
         let halves = values.iter().enumerate().map(|(index, &rgb)| color_texel(rgb).map_err(|e| e.at(place(), index)));
         Ok(Texels::Half(halves.collect::<Result<_, _>>()?))
     };
+    let amounts = |values: &[[f32; 3]]| match values.iter().position(|rgb| rgb.iter().any(|value| *value < 0.0)) {
+        Some(index) => Err(Unfit::new("values of at least 0", values[index]).at(place(), index)),
+        None => colors(values),
+    };
     match role {
         Role::Heights => match level.heights.iter().position(|height| !height.is_finite()) {
             Some(index) => Err(Unfit::new("a finite height in metres", level.heights[index]).at(place(), index)),
@@ -100,6 +115,8 @@ pub(super) fn texels(level: &SurfaceLevel, role: Role) -> Result<Texels, Error> 
         Role::BaseColor => colors(level.base_color.as_deref().unwrap_or_default()),
         Role::Spatial(rank) => colors(&level.spatial[rank]),
         Role::Angular(rank) => colors(&level.angular[rank]),
+        Role::AdditiveSpatial => amounts(level.additive.as_ref().map_or(&[], |term| &term.spatial)),
+        Role::AdditiveAngular => amounts(level.additive.as_ref().map_or(&[], |term| &term.angular)),
     }
 }
 
@@ -193,6 +210,14 @@ pub(super) fn colors_of(path: &str, texels: &[[f16; 4]]) -> Result<Vec<[f32; 3]>
     match texels.iter().position(|texel| !valid(texel)) {
         Some(index) => Err(bad_texel(path, index, "values of magnitude at most 6e4", texels[index].map(f16::to_f32))),
         None => Ok(texels.iter().map(|&[r, g, b, _]| [r, g, b].map(f16::to_f32)).collect()),
+    }
+}
+
+/// The RGB values of a payload of file `path` that holds no negative ones.
+pub(super) fn amounts_of(path: &str, texels: &[[f16; 4]]) -> Result<Vec<[f32; 3]>, Error> {
+    match texels.iter().position(|texel| texel[..3].iter().any(|value| value.to_f32() < 0.0)) {
+        Some(index) => Err(bad_texel(path, index, "values of at least 0", texels[index].map(f16::to_f32))),
+        None => colors_of(path, texels),
     }
 }
 

@@ -28,10 +28,10 @@ mod shear;
 
 use std::cell::OnceCell;
 
-use crate::asset::{MAX_LOBES, MAX_RANK, SurfaceAsset, SurfaceLevel};
+use crate::asset::{AdditiveTerm, MAX_LOBES, MAX_RANK, SurfaceAsset, SurfaceLevel};
 use crate::cell_brdf::lanes::{FacingLanes, KernelLanes, Lane};
 use crate::cell_brdf::{CellBrdf, LobeKernel, MIN_FACING, Specular, SpecularRef, Tint, dot, half_vector, prepared};
-use crate::lookup::angular_taps;
+use crate::lookup::{angular_taps, bilinear_taps};
 use mixture::{BaseGaussians, HalfMixture, View, cosine_direction, cosine_pdf};
 
 /// A level made ready for rendering. It borrows the asset for T and the base BRDF, and holds lobes and S itself.
@@ -61,14 +61,14 @@ pub struct LevelHit {
     pub tilt: [f32; 2],
 }
 
-/// A direction drawn from [`BoundBrdf::sample`].
+/// A direction drawn from [`BoundBrdf::sample`] or [`BoundAdditive::sample`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LevelSample {
-    /// Towards the light, unit, base frame; above the horizons of base and `n_c`.
+    /// Towards the light, unit, base frame; above the horizons of base and, for the former, `n_c`.
     pub wi: [f32; 3],
     /// Density of `wi`, 1/sr; greater than 0.
     pub pdf: f32,
-    /// f_low(ωi, ωo), 1/sr, RGB, cosine not included.
+    /// f_low(ωi, ωo), or T_a·E, 1/sr, RGB, cosine not included.
     pub f: [f32; 3],
 }
 
@@ -88,6 +88,19 @@ pub struct BoundBrdf<'a> {
     /// 1/(⟨n_c, ωg⟩ P_c(ωo)); 0 where f_low is 0 for every ωi.
     scale: f32,
     sampler: OnceCell<Sampler>,
+}
+
+/// The additive term at one place for one viewer: a BRDF of the base plane, README section 4.1.
+#[derive(Clone, Debug)]
+pub struct BoundAdditive<'a> {
+    term: &'a AdditiveTerm,
+    tilt: [f32; 2],
+    /// Unit normal of the base plane, tilted or not.
+    normal: [f32; 3],
+    /// First texel and weight of the four rows of E around ωo.
+    rows: [(usize, f32); 4],
+    /// T_a(x).
+    spatial: [f32; 3],
 }
 
 /// How directions are drawn: cosine about n_c with a probability, half vectors from a mixture otherwise.
@@ -166,12 +179,67 @@ impl<'a> LevelBrdf<'a> {
         }
     }
 
+    /// The additive term at a hit as seen from `wo`; `None` where the level has none, and below the base.
+    pub fn additive_at(&self, hit: &LevelHit, wo: [f32; 3]) -> Option<BoundAdditive<'_>> {
+        let term = self.level.additive.as_ref()?;
+        let flat_wo = shear::straighten(wo, hit.tilt);
+        let columns = term.directions * term.directions;
+        let mut spatial = [0.0; 3];
+        for (texel, weight) in bilinear_taps(hit.x, self.level.patches, self.asset.boundary) {
+            (0..3).for_each(|k| spatial[k] += weight * term.spatial[texel][k]);
+        }
+        (flat_wo[2] > 0.0).then(|| BoundAdditive {
+            term,
+            tilt: hit.tilt,
+            normal: shear::base_normal(hit.tilt),
+            rows: angular_taps(flat_wo, term.directions).map(|(row, weight)| (row * columns, weight)),
+            spatial,
+        })
+    }
+
     fn cell_lobes(&self, cell: usize) -> &[(f32, LobeKernel)] {
         &self.lobes[self.first_lobe[cell] as usize..self.first_lobe[cell + 1] as usize]
     }
 
     fn color(&self, cell: usize) -> [f32; 3] {
         self.level.base_color.as_ref().map_or([1.0; 3], |colors| colors[cell])
+    }
+}
+
+impl BoundAdditive<'_> {
+    /// Unit normal of the base plane: what the cosine of the light is taken with, and [`Self::sample`] follows.
+    pub fn normal(&self) -> [f32; 3] {
+        self.normal
+    }
+
+    /// T_a·E(ωi, ωo); 1/sr, RGB, cosine not included. `wi` is unit, away from the surface, in the base frame.
+    pub fn eval(&self, wi: [f32; 3]) -> [f32; 3] {
+        let flat_wi = shear::straighten(wi, self.tilt);
+        if flat_wi[2] <= 0.0 {
+            return [0.0; 3];
+        }
+        let taps = angular_taps(flat_wi, self.term.directions);
+        let mut angular = [0.0; 3];
+        for (first, row_weight) in self.rows {
+            for (column, weight) in taps {
+                let texel = self.term.angular[first + column];
+                (0..3).for_each(|k| angular[k] += row_weight * weight * texel[k]);
+            }
+        }
+        std::array::from_fn(|k| self.spatial[k] * angular[k])
+    }
+
+    /// Density of [`Self::sample`] in the direction `wi`, 1/sr: cosine-weighted about the base plane's normal.
+    pub fn pdf(&self, wi: [f32; 3]) -> f32 {
+        cosine_pdf(dot(self.normal, wi).max(0.0))
+    }
+
+    /// A direction that follows [`Self::pdf`], from two uniform numbers in [0, 1); `None` where rounding leaves it on
+    /// the horizon.
+    pub fn sample(&self, u: [f32; 2]) -> Option<LevelSample> {
+        let wi = cosine_direction(self.normal, u);
+        let pdf = self.pdf(wi);
+        (pdf > 0.0).then(|| LevelSample { wi, pdf, f: self.eval(wi) })
     }
 }
 

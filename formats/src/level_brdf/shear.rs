@@ -24,6 +24,13 @@ pub(super) fn straighten(w: [f32; 3], tilt: [f32; 2]) -> [f32; 3] {
     sheared.map(|c| c * scale)
 }
 
+/// The unit normal of the base plane under a slope `tilt`.
+#[inline(always)]
+pub(super) fn base_normal([x, y]: [f32; 2]) -> [f32; 3] {
+    let scale = 1.0 / (x * x + y * y + 1.0).sqrt();
+    [-x * scale, -y * scale, scale]
+}
+
 /// The lobe (weight, kernel) of the tilted surface.
 ///
 /// n → A n/|A n| has the determinant det A/|A n|³ = 1/|A n|³ on the sphere. About μ solid angles shrink by that, and a

@@ -1,7 +1,7 @@
 //! Surface assets made of random numbers: every feature of the format, few bytes.
 #![allow(dead_code, reason = "each test and example uses its part")]
 
-use farfield_formats::asset::{Figure, LevelError, Light, Source, SurfaceLevel};
+use farfield_formats::asset::{AdditiveTerm, Figure, LevelError, Light, Source, SurfaceLevel};
 use farfield_formats::lookup::direction_of;
 use farfield_formats::{BaseBrdf, Boundary, Lobe, Specular, SurfaceAsset};
 use std::collections::BTreeMap;
@@ -44,6 +44,8 @@ pub(crate) struct Sample {
     pub(crate) patches: [usize; 2],
     pub(crate) directions: usize,
     pub(crate) rank: usize,
+    /// Direction cells of the additive term, if it has one.
+    pub(crate) additive: Option<usize>,
     pub(crate) seed: u64,
 }
 
@@ -58,6 +60,7 @@ impl Sample {
         patches: [2, 1],
         directions: 2,
         rank: 2,
+        additive: None,
         seed: 7,
     };
 
@@ -112,6 +115,11 @@ impl Sample {
         };
         let spatial = table(patches, random);
         let angular = table(pairs, random);
+        let additive = self.additive.map(|directions| AdditiveTerm {
+            directions,
+            spatial: (0..patches).map(|_| random.rgb(0.5, 1.5)).collect(),
+            angular: (0..directions.pow(4)).map(|_| random.rgb(0.0, 0.2)).collect(),
+        });
         SurfaceLevel {
             index: 1,
             factor: [131.0 / self.cells[0] as f64, 77.0 / self.cells[1] as f64],
@@ -123,6 +131,7 @@ impl Sample {
             spatial,
             directions: self.directions,
             angular,
+            additive,
             error: None,
             limited_by: Some("model".into()),
         }

@@ -93,7 +93,10 @@ pub(super) fn read(name: &str, mut fields: Fields<'_, '_, '_, '_>, default_error
         color,
         detrend,
         dequantize,
-        levels: factors?.into_iter().map(|factor| LevelSettings { factor: factor as f32, light, ..tables }).collect(),
+        levels: factors?
+            .into_iter()
+            .map(|factor| LevelSettings { factor: factor as f32, light, error, ..tables })
+            .collect(),
         error,
     })
 }
@@ -168,6 +171,7 @@ fn read_tables(fields: &mut Fields<'_, '_, '_, '_>) -> LevelSettings {
         rank,
         lobes: lobes.flatten(),
         light: LightTransport::Direct,
+        error: 0.0,
         seed,
     }
 }

@@ -72,14 +72,36 @@ pub(super) fn reflectance_of(
     patches: [usize; 2],
     directions: &TableDirections,
 ) -> PatchReflectance {
-    let cells = coarse.heights.size();
-    let per_axis = PLACES.div_ceil(cells[0].max(cells[1])).clamp(MIN_PLACES_PER_CELL, PLACES);
-    let places = Places::new(coarse.heights, per_axis);
+    let places = Places::of_map(coarse.heights);
     let bits = VisibilityBits::sweep(&places.field, &directions.vectors, places.slots());
     let terms = terms(coarse.brdf, coarse.base_color.is_some());
     let task = Task { coarse, merged, patches, directions, places: &places, bits: &bits, terms };
     let sums = task.sums();
     assemble(&sums, &task.terms, coarse.brdf, directions)
+}
+
+/// A of the coarse surface, `[patch][direction]`: the area that a patch shows, per base area.
+pub(super) fn shown_areas(heights: &HeightField, patches: [usize; 2], directions: &TableDirections) -> Vec<Vec<f32>> {
+    let places = Places::of_map(heights);
+    let bits = VisibilityBits::sweep(&places.field, &directions.vectors, places.slots());
+    let cells = heights.size();
+    let areas_of = |(k, &[x, y, z]): (usize, &[f32; 3])| {
+        let mut sums = vec![[0.0_f64; 2]; patches[0] * patches[1]];
+        for cell in 0..cells[0] * cells[1] {
+            let [sum, count] = &mut sums[patch_of([cell % cells[0], cell / cells[0]], cells, patches)];
+            for place in 0..places.per_axis * places.per_axis {
+                let bit = cell * places.bits_per_cell + place;
+                let [i, j] = places.texel(cell, place);
+                let slope = places.field.slope(i, j, 0.5, 0.5);
+                let seen = bits.direction(k)[bit / 64] >> (bit % 64) & 1;
+                *sum += f64::from((z - slope[0] * x - slope[1] * y).max(0.0)) * seen as f64;
+                *count += 1.0;
+            }
+        }
+        sums.iter().map(|[sum, count]| (sum / count) as f32).collect::<Vec<f32>>()
+    };
+    let by_direction: Vec<Vec<f32>> = directions.vectors.par_iter().enumerate().map(areas_of).collect();
+    (0..patches[0] * patches[1]).map(|patch| by_direction.iter().map(|areas| areas[patch]).collect()).collect()
 }
 
 /// The lobes of all cells as shares of prototypes, and how these face the directions of a table.
@@ -111,6 +133,12 @@ struct Places {
 }
 
 impl Places {
+    /// As many as a map needs.
+    fn of_map(coarse: &HeightField) -> Self {
+        let cells = coarse.size();
+        Self::new(coarse, PLACES.div_ceil(cells[0].max(cells[1])).clamp(MIN_PLACES_PER_CELL, PLACES))
+    }
+
     fn new(coarse: &HeightField, per_axis: usize) -> Self {
         let cells = coarse.size();
         let places = per_axis * per_axis;

@@ -70,9 +70,10 @@ impl<'a> SortedSurface<'a> {
         assemble(&sums, &terms, &self.fine.brdf, directions)
     }
 
-    /// What every slot sees.
-    pub(super) fn bits(&self) -> &VisibilityBits {
-        &self.bits
+    /// What every slot sees of other directions than the table's own.
+    pub(super) fn sees(&self, directions: &TableDirections) -> VisibilityBits {
+        let (splits, slots) = (&self.grouping.splits, self.grouping.slots.clone());
+        VisibilityBits::sweep_places(&self.fine.heights, splits, &directions.vectors, slots)
     }
 
     /// The steep texels' parts.

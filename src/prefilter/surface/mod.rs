@@ -1,5 +1,6 @@
 //! From a height map and its base BRDF to one coarse level: what a height map meets on its way, in this order.
 
+pub mod additive;
 pub mod baselines;
 pub mod coarse;
 pub mod downsample;
@@ -17,10 +18,12 @@ pub use downsample::coarse_cells;
 
 use crate::geometry::{Boundary, HeightField};
 use crate::material::{Brdf, ggx_gaussians};
+use additive::{AdditiveTerm, fit_additive};
 use coarse::{CoarseSurface, coarse_reflectance};
 use fine::SortedSurface;
-use fit::{deconvolve, fit_scaling, full_table};
-use interreflection::add_interreflection;
+use fit::{deconvolve, fit_scaling, full_table, mean_square};
+pub use interreflection::Interreflection;
+use interreflection::{NOISE_SHARE, PathSettings, interreflection};
 use reflectance::{PatchReflectance, TableDirections};
 
 /// A fine surface: what is prefiltered.
@@ -39,7 +42,8 @@ pub struct FineSurface {
 pub enum LightTransport {
     /// Shadowing and masking of direct light.
     Direct,
-    /// Interreflection within the surface as well: the level under direct light is the original under all light.
+    /// Interreflection within the surface as well, in a term of its own: the level under direct light is the original
+    /// under all light.
     Baked,
 }
 
@@ -56,8 +60,10 @@ pub struct LevelSettings {
     pub rank: usize,
     /// vMF lobes a cell, 1 to 8; `None` chooses from the error of the normal distribution.
     pub lobes: Option<usize>,
-    /// The light that the scaling holds.
+    /// The light that the level holds.
     pub light: LightTransport,
+    /// ε below 75° to aim at: the paths of interreflection go on until their noise is an eighth of it.
+    pub error: f64,
     /// Seed of the paths of interreflection and of the error measurement.
     pub seed: u64,
 }
@@ -90,7 +96,9 @@ pub struct CoarseLevel {
     pub directions: usize,
     /// S, `[rank][wo][wi]`, N² × N² directions, RGB.
     pub angular: Vec<Vec<[f32; 3]>>,
-    /// ε below 75° of the fit at the nodes of its own tables.
+    /// Interreflection, where the light holds any.
+    pub additive: Option<AdditiveTerm>,
+    /// ε below 75° of the fit at the nodes of its own tables; at most, where there is an additive term.
     pub on_node: f64,
     /// Warnings for the user, one line each.
     pub warnings: Vec<String>,
@@ -110,7 +118,15 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
     let base_color = fine.color.as_ref().map(|color| cell_colors(color, fine.heights.size(), cells));
     let patches = cells.map(|cells| settings.patches.clamp(1, cells));
     let directions = TableDirections::new(settings.directions);
-    let (f_fine, noise) = reflectance(fine, patches, &directions, settings, on_stage);
+    let sorted = SortedSurface::new(fine, patches, &directions, on_stage);
+    let f_fine = sorted.direct(&directions, on_stage);
+    let additive_directions = TableDirections::new(additive::directions_of(&fine.brdf));
+    let interreflected = (settings.light == LightTransport::Baked).then(|| {
+        on_stage("interreflect");
+        let paths = PathSettings { noise: NOISE_SHARE * settings.error, seed: settings.seed };
+        interreflection(fine, &sorted, &f_fine, patches, &additive_directions, paths)
+    });
+    drop(sorted);
     on_stage("smooth");
     let gaussians = fine.brdf.specular.map_or_else(Vec::new, |conductor| ggx_gaussians(conductor.alpha));
     let surface = CoarseSurface {
@@ -135,8 +151,14 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
         .find(|(factors, spatial)| spatial.len() == 1 || is_positive(spatial, &factors.angular))
         .expect("rank 1 is always accepted");
     let angular = factors.angular.iter().map(|s| full_table(s, directions.len())).collect();
-    let warnings = scaling_warning(&factors.angular, &f_fine, &directions).into_iter().chain(noise_warning(noise));
-    let warnings = warnings.collect();
+    let fitted = interreflected.as_ref().map(|light| fit_additive(light, &smoothed, patches, &additive_directions));
+    let noise = interreflected.and_then(|light| noise_warning(light.noise, settings.error));
+    let warnings = scaling_warning(&factors.angular, &f_fine, &directions).into_iter().chain(noise).collect();
+    // both misses may add up, while of F the squares of its parts are counted alone
+    let on_node = fitted.as_ref().map_or(factors.on_node, |fitted| {
+        let direct = mean_square(&f_fine, &directions).sqrt();
+        (factors.on_node * direct + fitted.missed) / direct.hypot(fitted.total).max(f64::MIN_POSITIVE)
+    });
     CoarseLevel {
         heights: smoothed,
         lobes,
@@ -145,29 +167,24 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
         spatial,
         directions: settings.directions,
         angular,
-        on_node: factors.on_node,
+        additive: fitted.map(|fitted| fitted.term),
+        on_node,
         warnings,
     }
 }
 
-/// F of the fine surface on the table directions, of the light that `settings` ask for, and its noise: root mean square
-/// error of the map's mean over that of F, 0 for direct light.
+/// F of the fine surface on `directions`: of direct light, and of light reflected twice or more.
 pub fn reflectance(
     fine: &FineSurface,
     patches: [usize; 2],
     directions: &TableDirections,
     settings: &LevelSettings,
-    on_stage: &mut dyn FnMut(&'static str),
-) -> (PatchReflectance, f64) {
-    let sorted = SortedSurface::new(fine, patches, directions, on_stage);
-    let direct = sorted.direct(directions, on_stage);
-    match settings.light {
-        LightTransport::Direct => (direct, 0.0),
-        LightTransport::Baked => {
-            on_stage("interreflect");
-            add_interreflection(fine, &sorted, &direct, patches, directions, settings.seed)
-        }
-    }
+) -> (PatchReflectance, Interreflection) {
+    let sorted = SortedSurface::new(fine, patches, directions, &mut |_| ());
+    let direct = sorted.direct(directions, &mut |_| ());
+    let paths = PathSettings { noise: NOISE_SHARE * settings.error, seed: settings.seed };
+    let interreflected = interreflection(fine, &sorted, &direct, patches, directions, paths);
+    (direct, interreflected)
 }
 
 /// T as it is stored: deconvolved, and not negative where it is the only factor.
@@ -205,12 +222,9 @@ fn limit_weights(lobes: &mut [Vec<VmfLobe>]) {
 /// S above this where light matters means that f_c is far off: reported, not hidden.
 const LARGEST_SCALE: f32 = 64.0;
 
-/// Noise of interreflection that goes unmentioned: what narrow lobes are allowed, and a third as much again.
-const UNMENTIONED_NOISE: f64 = 0.02;
-
-/// A line for the user if the paths of interreflection did not converge.
-fn noise_warning(noise: f64) -> Option<String> {
-    (noise > UNMENTIONED_NOISE).then(|| {
+/// A line for the user if the paths of interreflection ended with half as much noise again as they were allowed.
+fn noise_warning(noise: f64, error: f64) -> Option<String> {
+    (noise > 1.5 * NOISE_SHARE * error).then(|| {
         format!("interreflection is left with {:.1} % of noise: walls too steep, or a base too narrow", 100.0 * noise)
     })
 }

@@ -80,6 +80,26 @@ pub struct PatchReflectance {
 }
 
 impl PatchReflectance {
+    /// The table of `value(patch, channel, i, o)`, o <= i, for `directions` directions.
+    pub(super) fn from_fn(
+        patches: usize,
+        directions: usize,
+        mut value: impl FnMut(usize, usize, usize, usize) -> f32,
+    ) -> Self {
+        let pairs = pair_count(directions);
+        let mut values = Vec::with_capacity(3 * patches * pairs);
+        for patch in 0..patches {
+            for channel in 0..3 {
+                values.extend(
+                    (0..directions)
+                        .flat_map(|i| (0..=i).map(move |o| (i, o)))
+                        .map(|(i, o)| value(patch, channel, i, o)),
+                );
+            }
+        }
+        Self { values, pairs }
+    }
+
     /// Number of patches.
     pub fn patch_count(&self) -> usize {
         self.values.len() / (3 * self.pairs)
@@ -94,13 +114,6 @@ impl PatchReflectance {
     #[inline]
     pub fn channel(&self, patch: usize, channel: usize) -> &[f32] {
         &self.values[(patch * 3 + channel) * self.pairs..][..self.pairs]
-    }
-}
-
-impl PatchReflectance {
-    /// [`Self::channel`], to be changed.
-    pub(super) fn channel_mut(&mut self, patch: usize, channel: usize) -> &mut [f32] {
-        &mut self.values[(patch * 3 + channel) * self.pairs..][..self.pairs]
     }
 }
 

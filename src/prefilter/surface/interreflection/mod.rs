@@ -10,11 +10,13 @@
 //! ```
 //!
 //! with β_k the throughput from the first vertex on. Products are summed as a matrix product and made symmetric, for f is
-//! reciprocal. Paths come in two independent halves: their difference is the noise, and the paths are doubled until it
-//! is small enough.
+//! reciprocal. Paths come in two independent halves: their difference is the noise, and there are more paths until it is
+//! small enough. The directions are few, for this light is smooth: an outer product of 49 directions costs a twentieth of
+//! one of 225.
 //!
-//! Paths start by area: a wall of 80:1 is one texel of the base in 80, and most of what light meets. ω1 is drawn for all viewers at once: by the cosine, or by the visible normals of a random viewer that sees p; its
-//! density is that of the mixture, so no narrow lobe is missed and none needs clamping.
+//! Paths start by area: a wall of 80:1 is one texel of the base in 80, and most of what light meets. ω1 is drawn for all
+//! viewers at once: by the cosine, or by the visible normals of a random viewer that sees p; its density is that of the
+//! mixture, so no narrow lobe is missed and none needs clamping.
 
 mod area;
 mod paths;
@@ -24,8 +26,9 @@ mod vectors;
 use super::FineSurface;
 use super::fine::SortedSurface;
 use super::reflectance::{PatchReflectance, TableDirections, pair};
+use super::splits::Splits;
+use super::visibility::VisibilityBits;
 use crate::geometry::HeightTracer;
-use crate::material::Brdf;
 use area::PatchArea;
 use paths::{Start, trace};
 use product::Products;
@@ -33,12 +36,9 @@ use rayon::prelude::*;
 use std::ops::Range;
 use vectors::Vectors;
 
-/// Noise to reach: root mean square over pairs of the error of the map's mean, over that of F.
-///
-/// A fifth of the ε that the factors reach, at most: narrow lobes are worse to interpolate, and to sample.
-fn tolerated_noise(brdf: &Brdf) -> f64 {
-    brdf.specular.map_or(0.002, |conductor| (0.0015 / f64::from(conductor.alpha)).clamp(0.002, 0.015))
-}
+/// Share of the error asked for that the paths' noise may be: root mean square over pairs of the error of the map's mean,
+/// over that of F. In quadrature an eighth adds under 1 % to ε.
+pub(super) const NOISE_SHARE: f64 = 0.125;
 
 /// Rays of a half in the first round, over all patches.
 const FIRST_RAYS: usize = 32_768;
@@ -56,7 +56,10 @@ const TASK_RAYS: usize = 2048;
 struct Scene<'a> {
     fine: &'a FineSurface,
     tracer: HeightTracer<'a>,
-    sorted: &'a SortedSurface<'a>,
+    /// The steep texels' parts.
+    splits: &'a Splits,
+    /// What every slot sees of the directions.
+    bits: VisibilityBits,
     /// Slot of every place.
     slot_of: Vec<u32>,
     directions: &'a TableDirections,
@@ -67,46 +70,65 @@ struct Scene<'a> {
     gray: bool,
 }
 
-/// F of light reflected twice or more, added to that of direct light, `direct`; and the noise reached.
-pub(super) fn add_interreflection(
+/// F of light reflected twice or more.
+#[derive(Clone, Debug)]
+pub struct Interreflection {
+    /// F on directions of its own.
+    pub reflectance: PatchReflectance,
+    /// Noise that is left: root mean square error of the map's mean over that of all F, at most.
+    pub noise: f64,
+}
+
+/// What the paths are to reach.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PathSettings {
+    /// The noise at which they end.
+    pub(super) noise: f64,
+    /// Seed of their random numbers.
+    pub(super) seed: u64,
+}
+
+/// F of light reflected twice or more between `directions`, beside that of direct light, `direct`, on any directions.
+pub(super) fn interreflection(
     fine: &FineSurface,
     sorted: &SortedSurface<'_>,
     direct: &PatchReflectance,
     patches: [usize; 2],
     directions: &TableDirections,
-    seed: u64,
-) -> (PatchReflectance, f64) {
-    let mut slot_of = vec![0; sorted.splits().places()];
+    settings: PathSettings,
+) -> Interreflection {
+    let splits = sorted.splits();
+    let mut slot_of = vec![0; splits.places()];
     for (slot, &place) in sorted.slots().iter().enumerate() {
         if let Some(own) = slot_of.get_mut(place as usize) {
             *own = slot as u32;
         }
     }
     let tracer = HeightTracer::new(&fine.heights);
-    let areas = (0..patches[0] * patches[1])
-        .map(|patch| PatchArea::new(&fine.heights, sorted.splits(), patches, patch))
-        .collect();
-    let scene = Scene { fine, tracer, sorted, slot_of, directions, patches, areas, gray: is_gray(fine) };
+    let area = |patch| PatchArea::new(&fine.heights, splits, patches, patch);
+    let areas = (0..patches[0] * patches[1]).map(area).collect();
+    let bits = sorted.sees(directions);
+    let scene = Scene { fine, tracer, splits, bits, slot_of, directions, patches, areas, gray: is_gray(fine) };
     let mut halves = [0, 1].map(|_| Sums::new(&scene));
-    let tolerated = tolerated_noise(&fine.brdf);
+    let signal = mean_square_of_map(direct);
     let mut rays = 0;
     let mut more = FIRST_RAYS.div_ceil(scene.patch_count());
     let most = MOST_RAYS / scene.patch_count();
     let mut noise = f64::INFINITY;
     while more > 0 {
         for (half, sums) in halves.iter_mut().enumerate() {
-            sums.add_rays(&scene, rays..rays + more, seed.wrapping_add(half as u64));
+            sums.add_rays(&scene, rays..rays + more, settings.seed.wrapping_add(half as u64));
         }
         rays += more;
-        noise = relative_noise(&halves, direct);
-        if noise <= tolerated {
+        noise = relative_noise(&halves, scene.patch_count(), signal);
+        if noise <= settings.noise {
             break;
         }
         // the noise falls with the root of the rays
-        let missing = ((noise / tolerated).powi(2) - 1.0).clamp(GROWTH[0], GROWTH[1]);
+        let missing = ((noise / settings.noise).powi(2) - 1.0).clamp(GROWTH[0], GROWTH[1]);
         more = ((missing * rays as f64).ceil() as usize).min(most.saturating_sub(rays));
     }
-    (total(&halves, direct), noise)
+    Interreflection { reflectance: mean_of(&halves, scene.patch_count()), noise }
 }
 
 /// Whether every BRDF of the surface is the same in all channels.
@@ -174,45 +196,51 @@ fn vectors_of(scene: &Scene<'_>, patch: usize, rays: Range<usize>, seed: u64) ->
     Vectors::new(scene, &trace(scene, &starts))
 }
 
-/// Root mean square over pairs and channels of half the halves' difference in the map's mean, over that of F.
-fn relative_noise(halves: &[Sums; 2], direct: &PatchReflectance) -> f64 {
-    let patches = direct.patch_count();
-    let channels = halves[0].channels;
-    let directions = halves[0].products[0].directions();
+/// Mean square over pairs and channels of the map's mean F.
+fn mean_square_of_map(f: &PatchReflectance) -> f64 {
+    let (patches, pairs) = (f.patch_count(), f.pair_count());
+    // N² = n directions have n(n + 1)/2 pairs
+    let directions = (2.0 * pairs as f64).sqrt() as usize;
+    let square = |channel: usize, k: usize| {
+        let mean = (0..patches).map(|patch| f64::from(f.channel(patch, channel)[k])).sum::<f64>() / patches as f64;
+        mean * mean
+    };
+    let of_channel = |channel: usize| {
+        let all: f64 = (0..pairs).map(|k| 2.0 * square(channel, k)).sum();
+        all - (0..directions).map(|i| square(channel, pair(i, i))).sum::<f64>()
+    };
+    (0..3).map(of_channel).sum::<f64>() / (3 * directions * directions) as f64
+}
+
+/// Root mean square over pairs and channels of half the halves' difference in the map's mean, over that of all F, whose
+/// part of direct light has the mean square `direct`.
+///
+/// Both parts are positive, so the square of their sum is more than that of either: the quotient is at most this.
+fn relative_noise(halves: &[Sums; 2], patches: usize, direct: f64) -> f64 {
+    let (channels, directions) = (halves[0].channels, halves[0].products[0].directions());
     let [mut noise, mut signal] = [0.0; 2];
     for channel in 0..channels {
         for i in 0..directions {
             for o in 0..=i {
                 let weight = if i == o { 1.0 } else { 2.0 };
-                let [mut difference, mut sum] = [0.0; 2];
-                for patch in 0..patches {
-                    let [a, b] = [0, 1].map(|half: usize| halves[half].value(patch, channel, i, o));
-                    difference += 0.5 * (a - b);
-                    sum += f64::from(direct.channel(patch, channel)[pair(i, o)]) + 0.5 * (a + b);
-                }
-                noise += weight * difference * difference;
-                signal += weight * sum * sum;
+                let [a, b] = [0, 1].map(|half: usize| {
+                    (0..patches).map(|patch| halves[half].value(patch, channel, i, o)).sum::<f64>() / patches as f64
+                });
+                noise += weight * (0.5 * (a - b)).powi(2);
+                signal += weight * (0.5 * (a + b)).powi(2);
             }
         }
     }
+    let signal = signal + direct * (channels * directions * directions) as f64;
     if signal > 0.0 { (noise / signal).sqrt() } else { 0.0 }
 }
 
-/// Direct light plus the mean of both halves.
-fn total(halves: &[Sums; 2], direct: &PatchReflectance) -> PatchReflectance {
-    let directions = halves[0].products[0].directions();
-    let mut all = direct.clone();
-    for patch in 0..direct.patch_count() {
-        for channel in 0..3 {
-            let own = channel.min(halves[0].channels - 1);
-            let values = all.channel_mut(patch, channel);
-            for i in 0..directions {
-                for o in 0..=i {
-                    let mean = 0.5 * (halves[0].value(patch, own, i, o) + halves[1].value(patch, own, i, o));
-                    values[pair(i, o)] += mean as f32;
-                }
-            }
-        }
-    }
-    all
+/// The mean of both halves.
+fn mean_of(halves: &[Sums; 2], patches: usize) -> PatchReflectance {
+    let channels = halves[0].channels;
+    PatchReflectance::from_fn(patches, halves[0].products[0].directions(), |patch, channel, i, o| {
+        let own = channel.min(channels - 1);
+        let mean = 0.5 * (halves[0].value(patch, own, i, o) + halves[1].value(patch, own, i, o));
+        mean as f32
+    })
 }

@@ -61,6 +61,9 @@ pub(super) const COSINE_SHARE: f32 = 0.5;
 /// 1/φ and its powers, φ⁵ = φ + 1: the four-dimensional sequence of M. Roberts, by multiples of which points are laid.
 const R4: [f64; 4] = [0.856_674_883_854_502_9, 0.733_891_856_627_126, 0.628_706_721_033_712_4, 0.538_597_257_223_612_8];
 
+/// Streams of [`Stream`] used here, one a patch: none that the measurement of errors uses.
+const STREAM: u64 = 1 << 42;
+
 /// Index of [`Start::roulette`] in the path's numbers, beyond those of any bounce.
 const ROULETTE: u64 = 1 << 19;
 
@@ -71,9 +74,9 @@ impl Start {
     /// The starts of the rays of these numbers in a patch.
     pub(super) fn of_patch(scene: &Scene<'_>, patch: usize, rays: Range<usize>, seed: u64) -> Vec<Self> {
         let width = scene.fine.heights.size()[0];
-        let stream = Stream::new(seed, patch as u64);
+        let stream = Stream::new(seed, STREAM + patch as u64);
         let shift: [f64; 4] = std::array::from_fn(|k| f64::from(stream.uniform(k as u64)));
-        let splits = scene.sorted.splits();
+        let splits = scene.splits;
         let places: Vec<usize> = rays
             .clone()
             .map(|ray| {
@@ -132,7 +135,7 @@ pub(super) fn masks(scene: &Scene<'_>, places: &[usize]) -> Vec<Mask> {
     let mut masks = vec![vec![0; words]; places.len()];
     let slots: Vec<usize> = places.iter().map(|&place| scene.slot_of[place] as usize).collect();
     for direction in 0..scene.directions.len() {
-        let bits = scene.sorted.bits().direction(direction);
+        let bits = scene.bits.direction(direction);
         for (mask, &slot) in masks.iter_mut().zip(&slots) {
             mask[direction / 64] |= (bits[slot / 64] >> (slot % 64) & 1) << (direction % 64);
         }
@@ -163,7 +166,7 @@ fn follow<'a>(scene: &Scene<'_>, start: &'a Start) -> Option<Path<'a>> {
             break;
         }
         let texel = hit.point.cell[1] * width + hit.point.cell[0];
-        let place = scene.sorted.splits().place_at(texel, hit.point.st);
+        let place = scene.splits.place_at(texel, hit.point.st);
         vertices.push(Vertex { place, texel, normal: hit.normal, back: -towards, weight });
         let random = |k: u64| start.stream.uniform(dimension + k);
         let Some(next) = brdf_of(scene, texel).sample(hit.normal, -towards, [random(0), random(1), random(2)]) else {
