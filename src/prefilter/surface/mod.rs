@@ -45,6 +45,8 @@ pub enum LightTransport {
     /// Interreflection within the surface as well, in a term of its own: the level under direct light is the original
     /// under all light.
     Baked,
+    /// What light between coarse cells does not bring already: the level under all light is the original under all light.
+    Global,
 }
 
 /// How one level is compiled.
@@ -98,6 +100,8 @@ pub struct CoarseLevel {
     pub angular: Vec<Vec<[f32; 3]>>,
     /// Interreflection, where the light holds any.
     pub additive: Option<AdditiveTerm>,
+    /// What the additive term was fitted to, where it is yet to lose what light between cells brings (`global`).
+    pub interreflection: Option<Interreflection>,
     /// ε below 75° of the fit at the nodes of its own tables; at most, where there is an additive term.
     pub on_node: f64,
     /// Warnings for the user, one line each.
@@ -121,7 +125,7 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
     let sorted = SortedSurface::new(fine, patches, &directions, on_stage);
     let f_fine = sorted.direct(&directions, on_stage);
     let additive_directions = TableDirections::new(additive::directions_of(&fine.brdf));
-    let interreflected = (settings.light == LightTransport::Baked).then(|| {
+    let interreflected = (settings.light != LightTransport::Direct).then(|| {
         on_stage("interreflect");
         let paths = PathSettings { noise: NOISE_SHARE * settings.error, seed: settings.seed };
         interreflection(fine, &sorted, &f_fine, patches, &additive_directions, paths)
@@ -152,7 +156,7 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
         .expect("rank 1 is always accepted");
     let angular = factors.angular.iter().map(|s| full_table(s, directions.len())).collect();
     let fitted = interreflected.as_ref().map(|light| fit_additive(light, &smoothed, patches, &additive_directions));
-    let noise = interreflected.and_then(|light| noise_warning(light.noise, settings.error));
+    let noise = interreflected.as_ref().and_then(|light| noise_warning(light.noise, settings.error));
     let warnings = scaling_warning(&factors.angular, &f_fine, &directions).into_iter().chain(noise).collect();
     // both misses may add up, while of F the squares of its parts are counted alone
     let on_node = fitted.as_ref().map_or(factors.on_node, |fitted| {
@@ -168,6 +172,7 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
         directions: settings.directions,
         angular,
         additive: fitted.map(|fitted| fitted.term),
+        interreflection: interreflected.filter(|_| settings.light == LightTransport::Global),
         on_node,
         warnings,
     }
