@@ -36,23 +36,6 @@ pub fn surface_asset(spec: &SurfaceSpec, input: &Input, levels: Vec<SurfaceLevel
     }
 }
 
-/// An asset that holds no more than what f_low needs beside a level.
-pub fn bare_asset(bsdf: BaseBrdf, boundary: Boundary) -> SurfaceAsset {
-    SurfaceAsset {
-        name: String::new(),
-        light: Light::Direct,
-        size: [1.0; 2],
-        boundary,
-        source: Source { digest: String::new(), width: 1, height: 1 },
-        bsdf,
-        settings: serde_json::Value::Null,
-        versions: BTreeMap::new(),
-        seed: 0,
-        isa: String::new(),
-        levels: Vec::new(),
-    }
-}
-
 /// Level number `index` (from 1) as the asset holds it, its error not yet known.
 pub fn surface_level(index: usize, fine: &geometry::HeightField, coarse: CoarseLevel) -> SurfaceLevel {
     let cells = coarse.heights.size();

@@ -7,18 +7,16 @@
 //! T·S·F_coarse and what the additive term brings: T_a·E·⟨ωg, ωi⟩ from every point that the viewer ωo sees.
 
 use formats::asset::{Figure, LevelError, Light, SurfaceLevel};
-use formats::level_brdf::LevelBrdf;
 use formats::{BaseBrdf, Boundary, lookup};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::encode::bare_asset;
 use crate::geometry::{self, HeightField, HeightTracer};
 use crate::math::rng::Stream;
 use crate::prefilter::surface::FineSurface;
 use crate::prefilter::surface::fit::COS_75;
 use crate::transport::PatchSampling;
-use crate::transport::bounces::{BaseReflector, LevelReflector, bounce};
+use crate::transport::bounces::{BaseReflector, bounce};
 use crate::transport::effective::{base_scatter, for_each_point};
 
 /// What a level decoded from its own bytes is measured against.
@@ -52,20 +50,17 @@ const STRATA: usize = 64;
 /// Streams of [`Stream`] used here: directions, then two halves of points, then their paths.
 const DIRECTIONS: u64 = 1 << 40;
 const PATHS: u64 = 1 << 41;
-const BETWEEN_CELLS: u64 = 1 << 43;
 
 /// The measured error of `level`, the level as decoded from the asset's bytes.
 pub fn measure(reference: &Reference<'_>, level: &SurfaceLevel) -> LevelError {
     let coarse = coarse_field(reference, level);
     let tracers = [HeightTracer::new(&reference.fine.heights), HeightTracer::new(&coarse)];
-    let asset = bare_asset(reference.bsdf.clone(), reference.boundary);
-    let brdf = (reference.light == Light::Global).then(|| LevelBrdf::new(&asset, level));
     let patches = level.patches[0] * level.patches[1];
     let batches = TRIPLES.div_ceil(patches * BATCH * (BATCH - 1) / 2);
     let tasks: Vec<[usize; 2]> = (0..patches).flat_map(|patch| (0..batches).map(move |batch| [patch, batch])).collect();
     let triples: Vec<Triple> = tasks
         .par_iter()
-        .flat_map_iter(|&task| measure_batch(reference, level, &tracers, brdf.as_ref(), task))
+        .flat_map_iter(|&[patch, batch]| measure_batch(reference, level, &tracers, patch, batch))
         .collect();
     // jackknife over patches; a map with few patches is resampled by its batches
     let group = |triple: &Triple| if patches >= 4 { triple.patch } else { triple.batch };
@@ -108,8 +103,8 @@ fn measure_batch(
     reference: &Reference<'_>,
     level: &SurfaceLevel,
     tracers: &[HeightTracer<'_>; 2],
-    brdf: Option<&LevelBrdf<'_>>,
-    [patch, batch]: [usize; 2],
+    patch: usize,
+    batch: usize,
 ) -> Vec<Triple> {
     let stream = Stream::new(reference.seed, DIRECTIONS + patch as u64);
     let square = |k: usize| stream.uniform_pair((batch * BATCH + k) as u64);
@@ -120,11 +115,7 @@ fn measure_batch(
         let seed = reference.seed ^ (2 * batch as u64 + half + 1);
         let sampling = PatchSampling::of_grid(level.patches, patch, STRATA, seed);
         let fine = fine_sums(reference, &tracers[0], &sampling, &directions, &pairs);
-        let mut coarse =
-            coarse_sums(level, reference.boundary, &tracers[1], &sampling, &directions, &pairs, &mut cells);
-        if let Some(brdf) = brdf {
-            add_between_cells(&mut coarse, (brdf, level.cells), &tracers[1], &sampling, &directions, &pairs);
-        }
+        let coarse = coarse_sums(level, reference.boundary, &tracers[1], &sampling, &directions, &pairs, &mut cells);
         (fine, coarse)
     });
     let triples = pairs.iter().enumerate().map(|(k, &[i, o])| Triple {
@@ -210,29 +201,6 @@ fn coarse_sums(
         }
     });
     mean(sums)
-}
-
-/// Adds F of light that the cells reflect to one another, which whoever draws a `global` level finds.
-fn add_between_cells(
-    sums: &mut [[f64; 3]],
-    (brdf, cells): (&LevelBrdf<'_>, [usize; 2]),
-    tracer: &HeightTracer<'_>,
-    sampling: &PatchSampling,
-    directions: &[Vec3],
-    pairs: &[[usize; 2]],
-) {
-    let reflector = LevelReflector { level: brdf, cells };
-    // other paths than those of the original: their noise is to be independent
-    let paths = Stream::new(sampling.seed, BETWEEN_CELLS + sampling.patch);
-    for_each_point(tracer, sampling, directions, |point| {
-        let Some(path) = bounce(tracer, &reflector, point, directions, paths.at((point.stratum as u64) << 20)) else {
-            return;
-        };
-        for (sum, &[i, o]) in sums.iter_mut().zip(pairs) {
-            let reflected = path.reflected(i, o);
-            (0..3).for_each(|c| sum[c] += reflected[c] / (STRATA * STRATA) as f64);
-        }
-    });
 }
 
 fn mean(sums: Vec<[f64; 3]>) -> Vec<[f64; 3]> {

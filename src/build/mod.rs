@@ -4,7 +4,6 @@
 //! levels, encodes them, measures their error through their own bytes and publishes the folder at once. What it cost
 //! goes to `build.jsonl` beside the assets, never into them: an asset depends on its inputs and settings alone.
 
-pub mod between_cells;
 pub(crate) mod clock;
 mod condition;
 pub mod encode;

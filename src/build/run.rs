@@ -5,7 +5,6 @@ use std::path::Path;
 
 use formats::asset::{DOCUMENT, SurfaceAsset, SurfaceLevel};
 
-use super::between_cells::without_light_between_cells;
 use super::clock::{StageClock, peak_bytes};
 use super::encode::{self, surface_asset, surface_level};
 use super::level_error::{Reference, measure};
@@ -136,8 +135,7 @@ fn build_level(
         clock.begin(stage);
         on_event(Event::Stage { name, level: index, levels, stage });
     };
-    let on_stage = &mut |stage| enter(&mut clock, stage);
-    let coarse = without_light_between_cells(compile(&input.fine, settings, on_stage), &input.fine, settings, on_stage);
+    let coarse = compile(&input.fine, settings, &mut |stage| enter(&mut clock, stage));
     let (on_node, warnings) = (coarse.on_node, coarse.warnings.clone());
     enter(&mut clock, "encode");
     let level = surface_level(index, &input.fine.heights, coarse);

@@ -3,7 +3,6 @@
 
 use std::collections::BTreeMap;
 
-use farfield::build::between_cells::without_light_between_cells;
 use farfield::build::encode::{base_brdf, boundary, decoded, surface_level};
 use farfield::build::level_error::{Reference, measure};
 use farfield::geometry::{Boundary, HeightField, SurfacePoint};
@@ -121,7 +120,7 @@ pub(crate) fn at(factor: f32) -> LevelSettings {
 
 /// A level as the compiler gives it.
 pub(crate) fn compiled(fine: &FineSurface, settings: &LevelSettings) -> CoarseLevel {
-    without_light_between_cells(compile(fine, settings, &mut |_| {}), fine, settings, &mut |_| {})
+    compile(fine, settings, &mut |_| {})
 }
 
 /// An asset of levels that were compiled from `fine`.

@@ -15,7 +15,7 @@
 use super::coarse::shown_areas;
 use super::fit::{Factors, fit_scaling, full_table, mean_square};
 use super::interreflection::Interreflection;
-use super::reflectance::{PatchReflectance, TableDirections, pair};
+use super::reflectance::{PatchReflectance, TableDirections};
 use super::stored_spatial;
 use crate::geometry::HeightField;
 use crate::material::Brdf;
@@ -50,24 +50,6 @@ pub fn directions_of(brdf: &Brdf) -> usize {
         Some(conductor) if conductor.alpha >= 0.2 => 9,
         Some(_) => 11,
     }
-}
-
-/// The term for what `fine` has and light between coarse cells, `coarse`, does not bring already.
-///
-/// Where cells reflect more among them than the original within itself, the rest is negative: such pairs get nothing, and
-/// the zero bias of the fit takes what is too much from the others.
-pub fn fit_remaining(
-    fine: &Interreflection,
-    coarse: &PatchReflectance,
-    heights: &HeightField,
-    directions: &TableDirections,
-    patches: [usize; 2],
-) -> AdditiveTerm {
-    let reflectance = PatchReflectance::from_fn(patches[0] * patches[1], directions.len(), |patch, channel, i, o| {
-        let k = pair(i.max(o), i.min(o));
-        fine.reflectance.channel(patch, channel)[k] - coarse.channel(patch, channel)[k]
-    });
-    fit_additive(&Interreflection { reflectance, noise: fine.noise }, heights, patches, directions).term
 }
 
 /// The term that stands for `light` on the coarse surface `heights`.

@@ -45,7 +45,8 @@ pub enum LightTransport {
     /// Interreflection within the surface as well, in a term of its own: the level under direct light is the original
     /// under all light.
     Baked,
-    /// What light between coarse cells does not bring already: the level under all light is the original under all light.
+    /// The same, for who draws the level under all light (design 4.8): its cells do not light one another, for f_low is 0
+    /// below the horizon of the base, so nothing counts twice.
     Global,
 }
 
@@ -100,8 +101,6 @@ pub struct CoarseLevel {
     pub angular: Vec<Vec<[f32; 3]>>,
     /// Interreflection, where the light holds any.
     pub additive: Option<AdditiveTerm>,
-    /// What the additive term was fitted to, where it is yet to lose what light between cells brings (`global`).
-    pub interreflection: Option<Interreflection>,
     /// ε below 75° of the fit at the nodes of its own tables; at most, where there is an additive term.
     pub on_node: f64,
     /// Warnings for the user, one line each.
@@ -156,7 +155,7 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
         .expect("rank 1 is always accepted");
     let angular = factors.angular.iter().map(|s| full_table(s, directions.len())).collect();
     let fitted = interreflected.as_ref().map(|light| fit_additive(light, &smoothed, patches, &additive_directions));
-    let noise = interreflected.as_ref().and_then(|light| noise_warning(light.noise, settings.error));
+    let noise = interreflected.and_then(|light| noise_warning(light.noise, settings.error));
     let warnings = scaling_warning(&factors.angular, &f_fine, &directions).into_iter().chain(noise).collect();
     // both misses may add up, while of F the squares of its parts are counted alone
     let on_node = fitted.as_ref().map_or(factors.on_node, |fitted| {
@@ -172,7 +171,6 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
         directions: settings.directions,
         angular,
         additive: fitted.map(|fitted| fitted.term),
-        interreflection: interreflected.filter(|_| settings.light == LightTransport::Global),
         on_node,
         warnings,
     }

@@ -81,7 +81,7 @@ pub struct PatchReflectance {
 
 impl PatchReflectance {
     /// The table of `value(patch, channel, i, o)`, o <= i, for `directions` directions.
-    pub fn from_fn(
+    pub(super) fn from_fn(
         patches: usize,
         directions: usize,
         mut value: impl FnMut(usize, usize, usize, usize) -> f32,
