@@ -278,39 +278,33 @@ fn node_error(
     spatial: &[Vec<[f32; 3]>],
     angular: &[Vec<[f32; 3]>],
 ) -> f64 {
-    let below: Vec<bool> = directions.vectors.iter().map(|w| w[2] > COS_75).collect();
-    let [mut error, mut total] = [0.0; 2];
-    for patch in 0..fine.patch_count() {
-        for channel in 0..3 {
-            let (f, c) = (fine.channel(patch, channel), coarse.channel(patch, channel));
-            for i in (0..directions.len()).filter(|&i| below[i]) {
-                for o in (0..=i).filter(|&o| below[o]) {
-                    let k = pair(i, o);
-                    let weight = if i == o { 1.0 } else { 2.0 };
-                    let scale: f32 = spatial.iter().zip(angular).map(|(t, s)| t[patch][channel] * s[k][channel]).sum();
-                    error += weight * f64::from(scale * c[k] - f[k]).powi(2);
-                    total += weight * f64::from(f[k]).powi(2);
-                }
-            }
-        }
-    }
-    if total > 0.0 { (error / total).sqrt() } else { 0.0 }
+    error_below_75(fine.patch_count(), directions, |patch, channel, k| {
+        let scale: f32 = spatial.iter().zip(angular).map(|(t, s)| t[patch][channel] * s[k][channel]).sum();
+        let value = fine.channel(patch, channel)[k];
+        [scale * coarse.channel(patch, channel)[k] - value, value]
+    })
 }
 
-/// Mean square of F over patches, channels and pairs below 75°.
-pub(super) fn mean_square(f: &PatchReflectance, directions: &TableDirections) -> f64 {
+/// Root mean square of an error over that of F, over patches, channels and pairs below 75°; `value(patch, channel, pair)`
+/// gives both.
+pub(super) fn error_below_75(
+    patches: usize,
+    directions: &TableDirections,
+    value: impl Fn(usize, usize, usize) -> [f32; 2],
+) -> f64 {
     let below: Vec<bool> = directions.vectors.iter().map(|w| w[2] > COS_75).collect();
-    let [mut sum, mut count] = [0.0; 2];
-    for table in (0..3 * f.patch_count()).map(|k| f.channel(k / 3, k % 3)) {
+    let mut sums = [0.0; 2];
+    for (patch, channel) in (0..3 * patches).map(|k| (k / 3, k % 3)) {
         for i in (0..directions.len()).filter(|&i| below[i]) {
             for o in (0..=i).filter(|&o| below[o]) {
                 let weight = if i == o { 1.0 } else { 2.0 };
-                sum += weight * f64::from(table[pair(i, o)]).powi(2);
-                count += weight;
+                let both = value(patch, channel, pair(i, o));
+                (0..2).for_each(|k| sums[k] += weight * f64::from(both[k]).powi(2));
             }
         }
     }
-    if count > 0.0 { sum / count } else { 0.0 }
+    let [error, total] = sums;
+    if total > 0.0 { (error / total).sqrt() } else { 0.0 }
 }
 
 /// T to store, so that its bilinear interpolation has the means `means` over the patches.

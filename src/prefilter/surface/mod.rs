@@ -21,7 +21,7 @@ use crate::material::{Brdf, ggx_gaussians};
 use additive::{AdditiveTerm, fit_additive};
 use coarse::{CoarseSurface, coarse_reflectance};
 use fine::SortedSurface;
-use fit::{deconvolve, fit_scaling, full_table, mean_square};
+use fit::{Factors, deconvolve, error_below_75, fit_scaling, full_table};
 pub use interreflection::Interreflection;
 use interreflection::{NOISE_SHARE, PathSettings, interreflection};
 use reflectance::{PatchReflectance, TableDirections};
@@ -101,7 +101,7 @@ pub struct CoarseLevel {
     pub angular: Vec<Vec<[f32; 3]>>,
     /// Interreflection, where the light holds any.
     pub additive: Option<AdditiveTerm>,
-    /// ε below 75° of the fit at the nodes of its own tables; at most, where there is an additive term.
+    /// ε below 75° of the fit at the nodes of S; F of interreflection is interpolated to them.
     pub on_node: f64,
     /// Warnings for the user, one line each.
     pub warnings: Vec<String>,
@@ -157,10 +157,9 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
     let fitted = interreflected.as_ref().map(|light| fit_additive(light, &smoothed, patches, &additive_directions));
     let noise = interreflected.and_then(|light| noise_warning(light.noise, settings.error));
     let warnings = scaling_warning(&factors.angular, &f_fine, &directions).into_iter().chain(noise).collect();
-    // both misses may add up, while of F the squares of its parts are counted alone
     let on_node = fitted.as_ref().map_or(factors.on_node, |fitted| {
-        let direct = mean_square(&f_fine, &directions).sqrt();
-        (factors.on_node * direct + fitted.missed) / direct.hypot(fitted.total).max(f64::MIN_POSITIVE)
+        let additive = fitted.resampled(&additive_directions, &directions);
+        node_error(&factors, [&f_fine, &f_coarse], &additive, &directions)
     });
     CoarseLevel {
         heights: smoothed,
@@ -188,6 +187,23 @@ pub fn reflectance(
     let paths = PathSettings { noise: NOISE_SHARE * settings.error, seed: settings.seed };
     let interreflected = interreflection(fine, &sorted, &direct, patches, directions, paths);
     (direct, interreflected)
+}
+
+/// ε at the nodes of S with both terms; `direct` is F of the fine and the coarse surface, `additive` that of the additive
+/// term and of the light that it stands for.
+fn node_error(
+    factors: &Factors,
+    [fine, coarse]: [&PatchReflectance; 2],
+    [term, light]: &[PatchReflectance; 2],
+    directions: &TableDirections,
+) -> f64 {
+    error_below_75(fine.patch_count(), directions, |patch, channel, k| {
+        let scale = |(t, s): (&Vec<[f32; 3]>, &Vec<[f32; 3]>)| t[patch][channel] * s[k][channel];
+        let scale: f32 = factors.spatial.iter().zip(&factors.angular).map(scale).sum();
+        let of = |f: &PatchReflectance| f.channel(patch, channel)[k];
+        let wanted = of(fine) + of(light);
+        [scale * of(coarse) + of(term) - wanted, wanted]
+    })
 }
 
 /// T as it is stored: deconvolved, and not negative where it is the only factor.
