@@ -4,7 +4,7 @@ import json
 import sys
 
 STAGES = ["read", "downsample", "lobes", "group", "visibility", "fine", "interreflect", "smooth", "coarse", "fit", "encode", "measure"]
-PARTS = ["heights", "lobes", "spatial", "angular", "base_color"]
+PARTS = ["heights", "lobes", "spatial", "angular", "base_color", "additive_angular"]
 
 
 def percent(figure):

@@ -13,11 +13,12 @@ use farfield::transport::bounces::{BaseReflector, bounce};
 use farfield::transport::camera::{Camera, Projection};
 use farfield::transport::effective::{base_scatter, for_each_point};
 use farfield::transport::film::Film;
-use farfield::transport::light::{DirectionalLight, Light, Lights};
+use farfield::transport::light::{ConstantLight, DirectionalLight, Light, Lights};
 use farfield::transport::render::{Integrator, RenderSettings, render};
 use farfield::transport::sampler::Sampling;
 use farfield::transport::scene::{Lod, Scene};
 use farfield::transport::{Accumulator, Estimate, PatchSampling};
+use formats::asset::SurfaceAsset;
 use glam::{DVec3, Vec3};
 use support::{COS_75, at, compiled, diffuse, field, fixture, measured, through_bytes, towards, waves};
 
@@ -151,6 +152,89 @@ fn a_flat_surface_has_no_interreflection() {
     let [_, more] = tables(&fine, &directions);
     for c in 0..3 {
         assert!(more.channel(0, c).iter().all(|&f| f == 0.0));
+    }
+}
+
+/// What the paths of the grooves aim at: an eighth of it is their noise.
+const GROOVE_ERROR: f64 = 0.004;
+
+/// Texels of a groove's wall along u.
+const WALL: f32 = 64.0;
+
+/// Grooves of 45°, [`WALL`] texels from ridge to bottom along u, of a grey Lambertian, and their level at 4×.
+fn grooves() -> (FineSurface, SurfaceAsset) {
+    let heights = field([256, 32], [1.0; 2], Boundary::Repeat, |i, _| (i as f32 % (2.0 * WALL) - WALL).abs());
+    let fine = FineSurface { heights, brdf: diffuse(0.8), color: None };
+    let settings = LevelSettings { factor: 4.0, patches: Some(1), error: GROOVE_ERROR, ..baked() };
+    let mut asset = through_bytes(&fine, compiled(&fine, &settings));
+    asset.light = formats::asset::Light::Baked;
+    (fine, asset)
+}
+
+/// Mean and standard error of the green channel over whole grooves of a level, seen from `wo`.
+fn rendered(asset: SurfaceAsset, light: Light, wo: Vec3, integrator: Integrator, samples: u64) -> [f64; 2] {
+    let data = ModelData::farfield(asset);
+    let world = |w: Vec3| DVec3::new(f64::from(w.x), f64::from(w.z), f64::from(-w.y));
+    // the film lies along x, in which the view leans: its height covers 1/cos of itself
+    let up = DVec3::new(-f64::from(wo.z), f64::from(wo.x), 0.0);
+    let projection = Projection::Orthographic { width: 512.0 * f64::from(wo.z) };
+    let camera = Camera::look_at(world(wo) * 5000.0, DVec3::ZERO, up, projection, [64, 64]).expect("a view");
+    let scene = Scene { camera, lights: Lights::new(vec![light]), surface: data.object([40, 40], None) };
+    let settings = RenderSettings { integrator, lod: Lod::Fixed(0), seed: 4, sampling: Sampling::Independent };
+    let mut film = Film::new(scene.camera.size());
+    render(&scene, &settings, 0..samples, &mut film);
+    let (radiance, variance) = (film.radiance(), film.variance());
+    let n = radiance.len() as f64;
+    let squared = variance.iter().map(|rgb| f64::from(rgb[1])).sum::<f64>() / (n * n);
+    [radiance.iter().map(|rgb| f64::from(rgb[1])).sum::<f64>() / n, squared.sqrt()]
+}
+
+#[test]
+fn a_shadowed_wall_shows_the_light_of_the_other() {
+    // 47.7° from either side, nodes of E: no wall sees both light and viewer, all that is seen was reflected twice or more
+    let (fine, asset) = grooves();
+    assert_eq!(asset.levels[0].additive.as_ref().map(|term| term.directions), Some(7));
+    let [wi, wo] = [5.5, 1.5].map(|column| Vec3::from(formats::lookup::direction_of([column / 7.0, 0.5])));
+    let f = exact(&fine, [wi, wo], 512)[1];
+    let world = Vec3::new(wi.x, wi.z, -wi.y);
+    let sun = Light::Directional(DirectionalLight { direction: world, irradiance: [1.0; 3] });
+    let [mean, error] = rendered(asset.clone(), sun.clone(), wo, Integrator::Direct, 64);
+    // F = A·L with A = cos θo
+    let (found, error) = (mean * f64::from(wo.z), error * f64::from(wo.z));
+    println!("level {found:.5} ± {error:.5}, original {:.5} ± {:.5}", f.mean, f.standard_error());
+    // the paths' noise is a root mean square over pairs, relative to that of F: that of a flat plane, 0.8/π cosθi cosθo,
+    // is ⅓·0.8/π. Half floats keep E and T_a within 5e-4 each. The edge of the shadow at the bottom of a wall lies up to
+    // half a texel off where bits see it, once for the light and once for the viewer
+    let noise = GROOVE_ERROR / 8.0 * 0.8 * std::f64::consts::FRAC_1_PI / 3.0;
+    let allowed = 4.0 * (noise.powi(2) + f.variance + error * error).sqrt() + (1e-3 + 1.0 / f64::from(WALL)) * f.mean;
+    assert!((found - f.mean).abs() < allowed, "{found}, wanted {} within {allowed}", f.mean);
+    let mut without = asset;
+    without.levels[0].additive = None;
+    assert!(rendered(without, sun, wo, Integrator::Direct, 16)[0] < 0.02 * mean, "the scaling cannot make this light");
+}
+
+#[test]
+fn the_additive_term_alone_is_a_brdf_of_the_base_plane() {
+    let (_, mut asset) = grooves();
+    let level = &mut asset.levels[0];
+    level.angular.iter_mut().flatten().for_each(|s| *s = [0.0; 3]);
+    let term = level.additive.as_mut().expect("a baked level has one");
+    term.spatial.fill([1.0; 3]);
+    term.angular.fill([0.2; 3]);
+    let direction = Vec3::new(0.6, 0.8, 0.0);
+    let sun = Light::Directional(DirectionalLight { direction, irradiance: [1.0; 3] });
+    let sky = Light::Constant(ConstantLight { radiance: [1.0; 3] });
+    for (light, expected) in [(sun, 0.2 * 0.8), (sky, 0.2 * std::f64::consts::PI)] {
+        for integrator in [Integrator::Direct, Integrator::Path] {
+            for degrees in [0.0_f32, 60.0] {
+                let [mean, error] =
+                    rendered(asset.clone(), light.clone(), towards(degrees.to_radians(), 0.0), integrator, 64);
+                assert!(
+                    (mean - expected).abs() < 4.5 * error + 1e-5,
+                    "{degrees}°, {integrator:?}: {mean} ± {error}, {expected}"
+                );
+            }
+        }
     }
 }
 

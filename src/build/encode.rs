@@ -98,6 +98,7 @@ pub fn light(light: LightTransport) -> Light {
     match light {
         LightTransport::Direct => Light::Direct,
         LightTransport::Baked => Light::Baked,
+        LightTransport::Global => Light::Global,
     }
 }
 

@@ -79,6 +79,9 @@ pub enum Light {
     /// Light reflected within the surface as well: the level under direct light is the original under all light. What
     /// was reflected more than once is the level's [`AdditiveTerm`].
     Baked,
+    /// What light between the level's cells does not bring already: the level under all light, as a path tracer finds it,
+    /// is the original under all light. The additive term is met by light from outside of the relief alone.
+    Global,
 }
 
 impl Light {
@@ -87,6 +90,7 @@ impl Light {
         match self {
             Self::Direct => "direct",
             Self::Baked => "baked",
+            Self::Global => "global",
         }
     }
 }

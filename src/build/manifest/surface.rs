@@ -122,13 +122,11 @@ fn read_boundary(value: &DeValue<'_>) -> Option<Boundary> {
 
 /// The light that the levels hold.
 fn read_light(fields: &mut Fields<'_, '_, '_, '_>) -> LightTransport {
-    const WANTED: &str = "`\"direct\"` or `\"baked\"`";
+    const WANTED: &str = "`\"direct\"`, `\"baked\"` or `\"global\"`";
     match fields.text("light", WANTED).as_deref() {
         None | Some("direct") => return LightTransport::Direct,
         Some("baked") => return LightTransport::Baked,
-        Some("global") => {
-            fields.mistake("light", format!("`light` `global` is not supported in this version; wanted {WANTED}"));
-        }
+        Some("global") => return LightTransport::Global,
         Some(light) => fields.mistake("light", format!("`light` is `\"{light}\"`; wanted {WANTED}")),
     }
     LightTransport::Direct

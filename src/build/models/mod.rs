@@ -134,6 +134,7 @@ impl ModelData {
     pub fn integrator(&self, light: Light) -> Integrator {
         match light {
             Light::Baked if self.model != Model::Farfield => Integrator::Path,
+            Light::Global => Integrator::Path,
             Light::Direct | Light::Baked => Integrator::Direct,
         }
     }

@@ -13,11 +13,12 @@
 //! whole map that repeats, A(ω) is ⟨ωg, ω⟩, and the term is reciprocal. E is smooth: few directions do.
 
 use super::coarse::shown_areas;
-use super::fit::{fit_scaling, full_table, mean_square, node_error};
+use super::fit::{fit_scaling, full_table};
 use super::interreflection::Interreflection;
-use super::reflectance::{PatchReflectance, TableDirections};
+use super::reflectance::{PatchReflectance, TableDirections, pair};
 use crate::geometry::HeightField;
 use crate::material::Brdf;
+use formats::lookup::angular_taps;
 
 /// The additive term of a level, before it is quantised.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,12 +31,11 @@ pub struct AdditiveTerm {
     pub angular: Vec<[f32; 3]>,
 }
 
-/// A term, and how well it fits.
+/// A term, and what it is to stand for.
 pub(super) struct FittedTerm {
     pub(super) term: AdditiveTerm,
-    /// Root mean square of what is missed of F at the nodes below 75°, and of F.
-    pub(super) missed: f64,
-    pub(super) total: f64,
+    /// F of the term and of the light at the term's own nodes.
+    stands_for: [PatchReflectance; 2],
 }
 
 /// Direction cells of E per axis that a base needs.
@@ -64,10 +64,42 @@ pub(super) fn fit_additive(
         0.5 * (cosine(i) * areas[patch][o] + cosine(o) * areas[patch][i])
     });
     let mut factors = fit_scaling(&light.reflectance, &base, directions, 1);
+    let of_term = PatchReflectance::from_fn(areas.len(), directions.len(), |patch, channel, i, o| {
+        let k = pair(i, o);
+        factors.spatial[0][patch][channel] * factors.angular[0][k][channel] * base.channel(patch, channel)[k]
+    });
     let [spatial] = <[_; 1]>::try_from(factors.stored_spatial(&base, patches, heights.boundary())).expect("one factor");
-    let missed = node_error(&light.reflectance, &base, directions, &factors.spatial, &factors.angular);
-    let total = mean_square(&light.reflectance, directions).sqrt();
     let angular = full_table(&factors.angular[0], directions.len());
     let term = AdditiveTerm { directions: directions.resolution, spatial, angular };
-    FittedTerm { term, missed: missed * total, total }
+    FittedTerm { term, stands_for: [of_term, light.reflectance.clone()] }
+}
+
+impl FittedTerm {
+    /// F of the term and of the light on other directions: interpolated as the renderer does, over the base's cosines.
+    pub(super) fn resampled(&self, from: &TableDirections, to: &TableDirections) -> [PatchReflectance; 2] {
+        self.stands_for.each_ref().map(|f| resample(f, from, to))
+    }
+}
+
+/// F over the base plane's cosines, interpolated to other directions.
+fn resample(f: &PatchReflectance, from: &TableDirections, to: &TableDirections) -> PatchReflectance {
+    let n = from.len();
+    let taps: Vec<_> = to.vectors.iter().map(|&w| angular_taps(w, from.resolution)).collect();
+    let per_cosines = |patch: usize, channel: usize| -> Vec<f32> {
+        let table = f.channel(patch, channel);
+        let value = |i: usize, o: usize| table[pair(i.max(o), i.min(o))] / (from.vectors[i][2] * from.vectors[o][2]);
+        let nodes = (0..n * n).map(|k| value(k / n, k % n)).collect::<Vec<f32>>();
+        // one direction of the pair after the other
+        let rows = taps.iter().flat_map(|taps| {
+            let nodes = &nodes;
+            (0..n).map(move |o| taps.iter().map(|&(i, weight)| weight * nodes[i * n + o]).sum::<f32>())
+        });
+        rows.collect()
+    };
+    let rows: Vec<Vec<f32>> = (0..3 * f.patch_count()).map(|k| per_cosines(k / 3, k % 3)).collect();
+    PatchReflectance::from_fn(f.patch_count(), to.len(), |patch, channel, i, o| {
+        let row = &rows[3 * patch + channel][i * n..][..n];
+        let value: f32 = taps[o].iter().map(|&(o, weight)| weight * row[o]).sum();
+        value * to.vectors[i][2] * to.vectors[o][2]
+    })
 }

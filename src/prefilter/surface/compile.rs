@@ -4,7 +4,7 @@ use super::additive::{self, fit_additive};
 use super::choice::{Choice, TableSizes, choose};
 use super::coarse::{CoarseSurface, coarse_reflectance};
 use super::fine::SortedSurface;
-use super::fit::{fit_scaling, full_table, mean_square, node_error};
+use super::fit::{Factors, error_below_75, fit_scaling, full_table, node_error};
 use super::interreflection::{Interreflection, NOISE_SHARE, PathSettings, interreflection};
 use super::reflectance::{PatchReflectance, TableDirections};
 use super::{
@@ -120,7 +120,7 @@ pub fn fine_tables(
     let directions = TableDirections::new(directions);
     let sorted = SortedSurface::new(fine, patches, &directions, on_stage);
     let direct = sorted.direct(&directions, on_stage);
-    let interreflection = (settings.light == LightTransport::Baked).then(|| {
+    let interreflection = (settings.light != LightTransport::Direct).then(|| {
         on_stage("interreflect");
         let directions = TableDirections::new(additive::directions_of(&fine.brdf));
         let paths = PathSettings { noise: NOISE_SHARE * settings.error, seed: settings.seed };
@@ -167,7 +167,7 @@ pub struct LevelFit {
     pub angular: Vec<Vec<[f32; 3]>>,
     /// Interreflection, where the light holds any.
     pub additive: Option<AdditiveTerm>,
-    /// ε below 75° of the fit at the nodes of its own tables; at most, where there is an additive term.
+    /// ε below 75° of the fit at the nodes of S; F of interreflection is interpolated to them.
     pub on_node: f64,
     /// Warnings for the user, one line each.
     pub warnings: Vec<String>,
@@ -187,13 +187,11 @@ pub fn fit_level(
     let mut factors = fit_scaling(direct, f_coarse, &directions, sizes.rank);
     let spatial = factors.stored_spatial(f_coarse, sizes.patches, heights.boundary());
     let on_node = node_error(direct, f_coarse, &directions, &factors.spatial, &factors.angular);
-    let fitted = interreflection
-        .as_ref()
-        .map(|light| fit_additive(light, heights, sizes.patches, &TableDirections::new(additive::directions_of(brdf))));
-    // both misses may add up, while of F the squares of its parts are counted alone
+    let few = TableDirections::new(additive::directions_of(brdf));
+    let fitted = interreflection.as_ref().map(|light| fit_additive(light, heights, sizes.patches, &few));
     let on_node = fitted.as_ref().map_or(on_node, |fitted| {
-        let direct = mean_square(direct, &directions).sqrt();
-        (on_node * direct + fitted.missed) / direct.hypot(fitted.total).max(f64::MIN_POSITIVE)
+        let additive = fitted.resampled(&few, &directions);
+        node_error_of_both(&factors, [direct, f_coarse], &additive, &directions)
     });
     let noise = interreflection.as_ref().and_then(|light| noise_warning(light.noise, error));
     LevelFit {
@@ -203,6 +201,23 @@ pub fn fit_level(
         warnings: scaling_warning(&factors.angular, direct, &directions).into_iter().chain(noise).collect(),
         angular: factors.angular.iter().map(|s| full_table(s, directions.len())).collect(),
     }
+}
+
+/// ε at the nodes of S with both terms; `direct` is F of the fine and the coarse surface, `additive` that of the additive
+/// term and of the light that it stands for.
+fn node_error_of_both(
+    factors: &Factors,
+    [fine, coarse]: [&PatchReflectance; 2],
+    [term, light]: &[PatchReflectance; 2],
+    directions: &TableDirections,
+) -> f64 {
+    error_below_75(fine.patch_count(), directions, |patch, channel, k| {
+        let scale = |(t, s): (&Vec<[f32; 3]>, &Vec<[f32; 3]>)| t[patch][channel] * s[k][channel];
+        let scale: f32 = factors.spatial.iter().zip(&factors.angular).map(scale).sum();
+        let of = |f: &PatchReflectance| f.channel(patch, channel)[k];
+        let wanted = of(fine) + of(light);
+        [scale * of(coarse) + of(term) - wanted, wanted]
+    })
 }
 
 impl CoarseLevel {

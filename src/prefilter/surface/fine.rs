@@ -72,8 +72,8 @@ impl<'a> SortedSurface<'a> {
 
     /// What every slot sees of other directions than the table's own.
     pub(super) fn sees(&self, directions: &TableDirections) -> VisibilityBits {
-        let slots = self.grouping.slots.clone();
-        VisibilityBits::sweep_places(&self.fine.heights, &self.grouping.splits, &directions.vectors, slots)
+        let (splits, slots) = (&self.grouping.splits, self.grouping.slots.clone());
+        VisibilityBits::sweep_places(&self.fine.heights, splits, &directions.vectors, slots)
     }
 
     /// The steep texels' parts.

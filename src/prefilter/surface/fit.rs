@@ -392,18 +392,24 @@ pub fn node_figures(
     if squares > 0.0 { [(square / squares).sqrt(), difference / total] } else { [0.0; 2] }
 }
 
-/// Mean square of F over patches, channels and pairs below 75°.
-pub(super) fn mean_square(f: &PatchReflectance, directions: &TableDirections) -> f64 {
+/// Root mean square of an error over that of F, over patches, channels and pairs below 75°; `value(patch, channel, pair)`
+/// gives both.
+pub(super) fn error_below_75(
+    patches: usize,
+    directions: &TableDirections,
+    value: impl Fn(usize, usize, usize) -> [f32; 2],
+) -> f64 {
     let below: Vec<bool> = directions.vectors.iter().map(|w| w[2] > COS_75).collect();
-    let [mut sum, mut count] = [0.0; 2];
-    for table in (0..3 * f.patch_count()).map(|k| f.channel(k / 3, k % 3)) {
+    let mut sums = [0.0; 2];
+    for (patch, channel) in (0..3 * patches).map(|k| (k / 3, k % 3)) {
         for i in (0..directions.len()).filter(|&i| below[i]) {
             for o in (0..=i).filter(|&o| below[o]) {
                 let weight = if i == o { 1.0 } else { 2.0 };
-                sum += weight * f64::from(table[pair(i, o)]).powi(2);
-                count += weight;
+                let both = value(patch, channel, pair(i, o));
+                (0..2).for_each(|k| sums[k] += weight * f64::from(both[k]).powi(2));
             }
         }
     }
-    if count > 0.0 { sum / count } else { 0.0 }
+    let [error, total] = sums;
+    if total > 0.0 { (error / total).sqrt() } else { 0.0 }
 }

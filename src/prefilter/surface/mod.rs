@@ -50,6 +50,9 @@ pub enum LightTransport {
     /// Interreflection within the surface as well, in a term of its own: the level under direct light is the original
     /// under all light.
     Baked,
+    /// The same, for who draws the level under all light (design 4.8): its cells do not light one another, for f_low is 0
+    /// below the horizon of the base, so nothing counts twice.
+    Global,
 }
 
 /// How one level is compiled.
@@ -112,7 +115,7 @@ pub struct CoarseLevel {
     pub angular: Vec<Vec<[f32; 3]>>,
     /// Interreflection, where the light holds any.
     pub additive: Option<AdditiveTerm>,
-    /// ε below 75° of the fit at the nodes of its own tables; at most, where there is an additive term.
+    /// ε below 75° of the fit at the nodes of S; F of interreflection is interpolated to them.
     pub on_node: f64,
     /// ε below 75° that was predicted when the tables' sizes were chosen; `None` where nothing was.
     pub predicted: Option<f64>,

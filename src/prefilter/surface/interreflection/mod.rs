@@ -97,19 +97,18 @@ pub(super) fn interreflection(
     directions: &TableDirections,
     settings: PathSettings,
 ) -> Interreflection {
-    let mut slot_of = vec![0; sorted.splits().places()];
+    let splits = sorted.splits();
+    let mut slot_of = vec![0; splits.places()];
     for (slot, &place) in sorted.slots().iter().enumerate() {
         if let Some(own) = slot_of.get_mut(place as usize) {
             *own = slot as u32;
         }
     }
     let tracer = HeightTracer::new(&fine.heights);
-    let areas = (0..patches[0] * patches[1])
-        .map(|patch| PatchArea::new(&fine.heights, sorted.splits(), patches, patch))
-        .collect();
+    let area = |patch| PatchArea::new(&fine.heights, splits, patches, patch);
+    let areas = (0..patches[0] * patches[1]).map(area).collect();
     let bits = sorted.sees(directions);
-    let scene =
-        Scene { fine, tracer, splits: sorted.splits(), bits, slot_of, directions, patches, areas, gray: is_gray(fine) };
+    let scene = Scene { fine, tracer, splits, bits, slot_of, directions, patches, areas, gray: is_gray(fine) };
     let mut halves = [0, 1].map(|_| Sums::new(&scene));
     let signal = mean_square_of_map(direct);
     let mut rays = 0;
