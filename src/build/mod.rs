@@ -35,7 +35,7 @@ pub mod schedule;
 pub mod stage;
 pub mod store;
 pub mod surface;
-pub mod watch;
+mod watch;
 mod worker;
 
 pub use input::{Input, InputError};
@@ -46,3 +46,4 @@ pub use record::{LevelRecord, StageSeconds};
 pub use run::{Event, Intent, Outcome, Request, build, foresee};
 pub use schedule::Limits;
 pub use store::{Remote, Store};
+pub use watch::{Looks, Watcher};

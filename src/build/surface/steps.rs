@@ -15,11 +15,10 @@ use crate::io::SourceFile;
 use crate::io::color::decode_color;
 use crate::material::Brdf;
 use crate::prefilter::surface::coarse::{CoarseSurface, coarse_reflectance};
-use crate::prefilter::surface::downsample::downsample;
 use crate::prefilter::surface::reflectance::{PatchReflectance, TableDirections, pair_count};
 use crate::prefilter::surface::{
     FineSurface, LevelFit, LevelSettings, LightTransport, VmfLobe, base_gaussians, cell_colors, coarse_cells,
-    fit_level, level_lobes, patch_counts, reflectance, smoothed,
+    fit_level, level_heights, level_lobes, patch_counts, reflectance, smoothed,
 };
 
 /// Name of the stage that puts an asset together.
@@ -209,26 +208,36 @@ impl Step for SurfaceStep<'_> {
     }
 
     fn working_bytes(&self, needs: &[Arc<Record>]) -> u64 {
-        let texels = || size_of(needs).iter().product::<usize>() as u64;
+        let product = |size: [usize; 2]| (size[0] * size[1]) as u64;
+        let texels = product(size_of(needs));
+        let cells = |settings: &LevelSettings| product(coarse_cells(size_of(needs), settings.factor));
         let tables = |settings: &LevelSettings| {
             let patches = (settings.patches * settings.patches) as u64;
             3 * 4 * patches * pair_count(settings.directions * settings.directions) as u64
         };
-        // Bytes a texel as measured at 2048² and 4096², with a fifth on top; see benches/README.md.
         match self {
-            Self::Heights { path, .. } => 8 * file_bytes(path),
-            Self::Colors { path, .. } => 12 * texels() + 8 * file_bytes(path),
-            Self::Downsample { .. } => DOWNSAMPLE * texels(),
-            Self::Lobes { .. } => LOBES * texels(),
-            Self::Tint { .. } => texels(),
+            Self::Heights { path, .. } => DECODE * file_bytes(path),
+            Self::Colors { path, .. } => 12 * texels + DECODE * file_bytes(path),
+            Self::Downsample { settings } => 4 * texels + DOWNSAMPLE * cells(settings),
+            Self::Lobes { settings } => 4 * texels + LOBES * cells(settings),
+            Self::Tint { settings } => 24 * cells(settings),
             Self::Fine { settings, .. } => {
-                let bits = (settings.directions * settings.directions) as u64 / 8;
-                (FINE + bits + bits / 8) * texels() + 4 * tables(settings)
+                let bits = (settings.directions * settings.directions) as u64;
+                // and a colour map is copied
+                let color = if needs.len() > 1 { 12 } else { 0 };
+                (FINE + color) * texels + bits * texels / 8 + 4 * tables(settings)
             }
-            Self::Smooth { settings, .. } => DOWNSAMPLE * texels() + 2 * tables(settings),
-            Self::Coarse { settings, .. } | Self::Fit { settings, .. } => (16 << 20) + 4 * tables(settings),
-            Self::Measure { .. } => (32 << 20) + MEASURE * texels(),
-            Self::Asset { .. } => 2 * needs.iter().map(|need| need.bytes()).sum::<u64>(),
+            Self::Smooth { settings, .. } => {
+                (16 << 20) + 2 * (DOWNSAMPLE + LOBES) * cells(settings) + 2 * tables(settings)
+            }
+            // Its first need is of the size of the level.
+            Self::Coarse { settings, .. } => {
+                let cells = needs.first().map_or(0, |heights| heights.bytes() / 4);
+                (16 << 20) + LOBES * cells + 4 * tables(settings)
+            }
+            Self::Fit { settings, .. } => (16 << 20) + 8 * tables(settings),
+            Self::Measure { settings, .. } => (32 << 20) + MEASURE * texels + 2 * LOBES * cells(settings),
+            Self::Asset { .. } => (16 << 20) + 2 * needs.iter().map(|need| need.bytes()).sum::<u64>(),
         }
     }
 
@@ -248,7 +257,7 @@ impl Step for SurfaceStep<'_> {
             }
             Self::Downsample { settings } => {
                 on_stage("downsample");
-                Artifact::Heights(downsample(heights(&needs[0])?, settings.factor))
+                Artifact::Heights(level_heights(heights(&needs[0])?, settings.factor))
             }
             Self::Lobes { settings } => {
                 on_stage("lobes");
@@ -305,11 +314,17 @@ impl Step for SurfaceStep<'_> {
     }
 }
 
-/// Bytes a texel that a stage holds beside its inputs.
-const DOWNSAMPLE: u64 = 24;
-const LOBES: u64 = 24;
-const FINE: u64 = 40;
-const MEASURE: u64 = 12;
+/// Bytes that a stage holds beside its inputs, measured at 2048² and 4096² and rounded up: of decoding, for a byte of
+/// the file (16 bits a texel, hardly compressed, become two copies in 32).
+const DECODE: u64 = 8;
+/// For a cell of the level: two spectra in double precision, and what they are made from.
+const DOWNSAMPLE: u64 = 128;
+/// For a cell of the level: eight lobes twice, and the normals under it.
+const LOBES: u64 = 512;
+/// For a texel of the map, visibility bits apart: slots, keys and normals while texels are sorted.
+const FINE: u64 = 28;
+/// For a texel of the map: bounds of heights, and a colour map's copy.
+const MEASURE: u64 = 20;
 
 impl SurfaceStep<'_> {
     /// What the needed actions are called in the key; none where only a fact of theirs counts.

@@ -102,7 +102,7 @@ pub struct CoarseLevel {
 /// unless the light is direct, `smooth`, `coarse`, `fit`.
 pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn FnMut(&'static str)) -> CoarseLevel {
     on_stage("downsample");
-    let heights = downsample::downsample(&fine.heights, settings.factor);
+    let heights = level_heights(&fine.heights, settings.factor);
     on_stage("lobes");
     let cells = heights.size();
     let lobes = level_lobes(&fine.heights, cells, settings.lobes);
@@ -141,6 +141,11 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
 /// Patches of T along u and v of a level with so many cells: as many as wanted, but no more than cells.
 pub fn patch_counts(cells: [usize; 2], wanted: usize) -> [usize; 2] {
     cells.map(|cells| wanted.clamp(1, cells))
+}
+
+/// The heights of the level that is `factor` times coarser, before `smooth`.
+pub fn level_heights(fine: &HeightField, factor: f32) -> HeightField {
+    downsample::downsample(fine, factor)
 }
 
 /// The lobes of a level of `cells` cells, `[lobe][cell]`, in weights that can be stored.
