@@ -2,6 +2,7 @@
 
 mod support;
 
+use farfield::build::key::Digest;
 use farfield::build::{Input, ModelData};
 use farfield::geometry::{Boundary, HeightField};
 use farfield::prefilter::surface::{FineSurface, LevelSettings, LightTransport};
@@ -32,7 +33,7 @@ const MAPS: [(&str, f32); 6] = [
 
 /// The asset of one level at 8× that holds `light`.
 fn level(fine: &FineSurface, light: LightTransport) -> SurfaceAsset {
-    let mut asset = through_bytes(fine, compiled(fine, &LevelSettings { patches: 2, light, ..at(8.0) }));
+    let mut asset = through_bytes(fine, compiled(fine, &LevelSettings { patches: Some(2), light, ..at(8.0) }));
     asset.light = match light {
         LightTransport::Direct => AssetLight::Direct,
         LightTransport::Baked => AssetLight::Baked,
@@ -100,7 +101,7 @@ fn a_global_level_is_the_original_in_all_light() {
         let asset = level(&fine, LightTransport::Global);
         let error = measured(&fine, &asset, 7);
         println!("{name}: ε {:?} bias {:?} reciprocity {:?}", error.below_75, error.bias, error.reciprocity);
-        let input = Input { fine, height_digest: "0".repeat(64), color_digest: None, warnings: Vec::new() };
+        let input = Input { fine, height_digest: Digest::of(b""), color_digest: None, warnings: Vec::new() };
         let models = [ModelData::full(&input), ModelData::farfield(asset)];
         for (light, view) in [(0.0_f32, 20.0_f32), (45.0, 0.0), (60.0, 60.0)] {
             let sun =

@@ -36,7 +36,7 @@ pub mod schedule;
 pub mod stage;
 pub mod store;
 pub mod surface;
-pub mod watch;
+mod watch;
 mod worker;
 
 pub use input::{Input, InputError};
@@ -47,3 +47,4 @@ pub use record::{LevelRecord, StageSeconds};
 pub use run::{Event, Intent, Outcome, Request, build, foresee};
 pub use schedule::Limits;
 pub use store::{Remote, Store};
+pub use watch::{Looks, Watcher};

@@ -113,6 +113,8 @@ pub struct Outcome {
     pub failed: usize,
     /// Levels above their target.
     pub missed: usize,
+    /// Actions that gave other bytes than an earlier build.
+    pub differing: usize,
 }
 
 /// Builds all surfaces of `plan`. One that fails does not stop the others.
@@ -141,6 +143,7 @@ pub fn build(plan: &Plan, request: Request, publisher: &Publisher, on_event: &mu
     }
     digests.save(&store);
     store.finish();
+    outcome.differing = store.differing();
     if store.was_written() {
         store.collect_beyond(cache_limit);
     }

@@ -14,7 +14,7 @@ use super::explain::Why;
 use super::graph::{ActionId, Graph, State};
 use super::key::Digest;
 use super::store::Store;
-use super::worker::{Ending, Message, Pools, Task, Worker};
+use super::worker::{Ending, Message, Task, WidePool, Worker, narrow_pool};
 
 /// What a build may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,15 +60,16 @@ pub fn run<S: Step + Send>(
     on_event: &mut dyn FnMut(&Graph<S>, Happening),
 ) {
     let threads = limits.threads.max(1);
-    let pools = Pools::new(threads);
+    let wide = WidePool::new(threads);
     let (tasks, queue) = channel::<Task<S>>();
     let (messages, inbox) = channel::<Message>();
     let queue = Mutex::new(queue);
     std::thread::scope(|scope| {
-        for number in 0..threads {
-            let worker = Worker { number, pools: &pools, store, publish, messages: messages.clone() };
+        for _ in 0..threads {
+            let worker = Worker { wide: &wide, store, publish, messages: messages.clone() };
             let queue = &queue;
             scope.spawn(move || {
+                let _alone = narrow_pool();
                 // The lock is held while waiting: one worker waits for a task, the others for the lock.
                 let next = || queue.lock().unwrap_or_else(PoisonError::into_inner).recv();
                 while let Ok(task) = next() {

@@ -52,29 +52,33 @@ pub(super) enum Ending {
     Failed(Failure),
 }
 
-/// Threads to compute on: a pool for each worker, and one of all threads, made when they are first wanted.
+/// The pool of all threads, made when the first action wants it.
 #[derive(Debug)]
-pub(super) struct Pools {
-    wide: OnceLock<ThreadPool>,
-    narrow: Vec<OnceLock<ThreadPool>>,
+pub(super) struct WidePool {
+    threads: usize,
+    pool: OnceLock<ThreadPool>,
 }
 
-impl Pools {
+impl WidePool {
     pub(super) fn new(threads: usize) -> Self {
-        Self { wide: OnceLock::new(), narrow: (0..threads).map(|_| OnceLock::new()).collect() }
+        Self { threads, pool: OnceLock::new() }
     }
 
-    /// The pool for a task of worker number `worker`.
-    fn get(&self, worker: usize, is_wide: bool) -> &ThreadPool {
-        let (cell, threads) = if is_wide { (&self.wide, self.narrow.len()) } else { (&self.narrow[worker], 1) };
-        cell.get_or_init(|| ThreadPoolBuilder::new().num_threads(threads).build().expect("the system starts threads"))
+    fn get(&self) -> &ThreadPool {
+        let pool = || ThreadPoolBuilder::new().num_threads(self.threads).build();
+        self.pool.get_or_init(|| pool().expect("the system starts threads"))
     }
+}
+
+/// Makes the calling thread a pool of its own: what it computes in parallel, it computes alone, without a change of
+/// threads. The pool lasts as long as the thread.
+pub(super) fn narrow_pool() -> ThreadPool {
+    ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().expect("a worker has no pool before")
 }
 
 /// A worker: where it computes, what it reads and writes, whom it tells.
 pub(super) struct Worker<'w> {
-    pub(super) number: usize,
-    pub(super) pools: &'w Pools,
+    pub(super) wide: &'w WidePool,
     pub(super) store: &'w Store,
     pub(super) publish: &'w Publish<'w>,
     pub(super) messages: Sender<Message>,
@@ -133,21 +137,20 @@ impl Worker<'_> {
         Ok(())
     }
 
-    /// Runs the step in its pool.
+    /// Runs the step in its pool: that of all threads, or that of the worker's own.
     fn compute<S: Step + Send>(&self, task: &Task<S>) -> Result<(Made, StageClock), Failure> {
         let (step, needs, id) = (&*task.step, &task.needs, task.id);
         let messages = self.messages.clone();
-        let work = || {
-            self.pools.get(self.number, task.is_wide).install(move || {
-                let mut clock = StageClock::default();
-                let made = step.run(needs, &mut |stage| {
-                    clock.begin(stage);
-                    let _ = messages.send(Message::Stage(id, stage));
-                });
-                clock.end();
-                (made, clock)
-            })
+        let work = move || {
+            let mut clock = StageClock::default();
+            let made = step.run(needs, &mut |stage| {
+                clock.begin(stage);
+                let _ = messages.send(Message::Stage(id, stage));
+            });
+            clock.end();
+            (made, clock)
         };
+        let work = || if task.is_wide { self.wide.get().install(work) } else { work() };
         // What a step leaves behind when it panics is dropped here, and seen by nobody.
         match catch_unwind(AssertUnwindSafe(work)) {
             Ok((made, clock)) => Ok((made?, clock)),

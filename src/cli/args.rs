@@ -123,8 +123,19 @@ pub(super) enum CacheCommand {
     Stats(CacheArgs),
     /// Remove orphans and, beyond the limit, what was used longest ago
     Gc(CacheArgs),
-    /// Read everything in the cache and hold it against its digests; what is damaged is removed, and built again when wanted
-    Verify(CacheArgs),
+    /// Read everything in the cache and hold it against its digests; what is damaged is removed, and made again when wanted
+    Verify(VerifyCacheArgs),
+}
+
+/// The arguments of `farfield cache verify`.
+#[derive(Args, Debug)]
+pub(super) struct VerifyCacheArgs {
+    /// The cache.
+    #[command(flatten)]
+    pub(super) cache: CacheArgs,
+    /// Then run every action of the manifest anew, and compare what it gives with what is in the cache
+    #[arg(long)]
+    pub(super) rerun: bool,
 }
 
 /// The arguments of `farfield cache`.

@@ -86,13 +86,12 @@ fn dry_run(plan: &Plan, args: &BuildArgs) -> String {
 
 /// Builds the plan within the wanted limits; the exit code.
 pub(super) fn compile(plan: &Plan, args: &BuildArgs, remote: Option<Remote>, publisher: &Publisher) -> u8 {
-    let threads = args.jobs.map(usize::from).or_else(|| std::thread::available_parallelism().ok().map(usize::from));
     let request = Request {
         out: args.out.clone(),
         cache: cache_folder(args.cache.as_ref(), &args.manifest),
         cache_limit: args.cache_limit,
         remote,
-        limits: Limits { threads: threads.unwrap_or(1), memory: args.memory.unwrap_or_else(three_quarters_of_memory) },
+        limits: limits(args.jobs, args.memory),
         is_forced: args.force,
     };
     let mut progress = Progress::new(match (args.verbose, args.quiet) {
@@ -109,6 +108,15 @@ pub(super) fn compile(plan: &Plan, args: &BuildArgs, remote: Option<Remote>, pub
         print(&report::level_table(&outcome.records));
     }
     exit_code(&outcome, args.strict)
+}
+
+/// What a build may use: what is wanted, or one thread a processor and three quarters of the memory.
+pub(super) fn limits(jobs: Option<u16>, memory: Option<u64>) -> Limits {
+    let processors = || std::thread::available_parallelism().map_or(1, usize::from);
+    Limits {
+        threads: jobs.map_or_else(processors, usize::from),
+        memory: memory.unwrap_or_else(three_quarters_of_memory),
+    }
 }
 
 /// What an event puts on stdout.

@@ -1,26 +1,74 @@
 //! `farfield cache`.
 
-use super::args::{CacheArgs, CacheCommand};
-use super::build::cache_folder;
-use super::{DONE, FAILED, complain, print};
-use crate::build::Store;
+use std::path::Path;
+
+use super::args::{CacheArgs, CacheCommand, VerifyCacheArgs};
+use super::build::{cache_folder, limits};
+use super::{DONE, FAILED, SENSELESS, complain, print};
+use crate::build::{Event, Plan, Request, Store, build};
+use crate::io::publish::Publisher;
+use crate::io::scratch::Scratch;
 
 /// Looks after the cache; the exit code.
 pub(super) fn run(command: &CacheCommand) -> u8 {
-    let (CacheCommand::Stats(args) | CacheCommand::Gc(args) | CacheCommand::Verify(args)) = command;
+    let args = match command {
+        CacheCommand::Stats(args) | CacheCommand::Gc(args) => args,
+        CacheCommand::Verify(args) => &args.cache,
+    };
     let folder = cache_folder(args.cache.as_ref(), &args.manifest);
     if !folder.is_dir() {
-        complain(
-            "error",
-            &format!("`{}`: is no folder; wanted a build cache, which `farfield build` makes", folder.display()),
-        );
+        let wanted = "wanted a build cache, which `farfield build` makes";
+        complain("error", &format!("`{}`: is no folder; {wanted}", folder.display()));
         return FAILED;
     }
     match command {
         CacheCommand::Stats(_) => stats(&Store::open_to_read(&folder), args),
         CacheCommand::Gc(_) => gc(&Store::open(&folder, None), args),
-        CacheCommand::Verify(_) => verify(&Store::open(&folder, None), args),
+        CacheCommand::Verify(VerifyCacheArgs { rerun, .. }) => match verify(&Store::open(&folder, None), args) {
+            DONE if *rerun => rerun_all(&folder, args),
+            code => code,
+        },
     }
+}
+
+/// Runs every action of the manifest, publishes nothing, and compares; the exit code.
+fn rerun_all(folder: &Path, args: &CacheArgs) -> u8 {
+    let plan = match Plan::read(&args.manifest, &[]) {
+        Ok(plan) => plan,
+        Err(error) => {
+            error.lines().iter().for_each(|line| complain("error", line));
+            return SENSELESS;
+        }
+    };
+    let scratch = match Scratch::claim(&folder.join("tmp"), "") {
+        Ok(scratch) => scratch,
+        Err(error) => {
+            complain("error", &format!("`{}`: cannot be written to: {error}", folder.display()));
+            return FAILED;
+        }
+    };
+    let request = Request {
+        out: scratch.folder().join("lod"),
+        cache: folder.into(),
+        cache_limit: u64::MAX,
+        remote: None,
+        limits: limits(None, None),
+        is_forced: true,
+    };
+    let outcome = build(&plan, request, &Publisher::default(), &mut |event| match event {
+        Event::Failed { name, text } => complain("error", &format!("surface `{name}`: {text}")),
+        Event::Notice { text } => complain("warning", text),
+        _ => {}
+    });
+    print(&if args.json {
+        format!(
+            "{}\n",
+            serde_json::json!({ "ran": outcome.ran, "differing": outcome.differing, "failed": outcome.failed })
+        )
+    } else {
+        format!("{} actions ran, {} gave other bytes than before\n", outcome.ran, outcome.differing)
+    });
+    if outcome.differing + outcome.failed > 0 { FAILED } else { DONE }
 }
 
 fn stats(store: &Store, args: &CacheArgs) -> u8 {

@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use super::args::BuildArgs;
 use super::build::{compile, plan, publisher, remote};
 use super::complain;
-use crate::build::Plan;
-use crate::build::watch::{Looks, Watcher};
+use crate::build::{Looks, Plan, Watcher};
 
 /// Builds, and again whenever the manifest or a map has changed, until interrupted; an exit code if it cannot begin.
 pub(super) fn run(args: &BuildArgs) -> u8 {

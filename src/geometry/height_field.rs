@@ -1,5 +1,7 @@
 //! A grid of height vertices over the base plane, bilinear between them.
 
+use std::sync::Arc;
+
 /// What lies beyond the last vertex of a height field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Boundary {
@@ -12,10 +14,10 @@ pub enum Boundary {
 /// Heights above the base plane: `size[0] × size[1]` vertices and as many cells (texels).
 ///
 /// Vertex (i, j) stands at x = i·`spacing[0]`, y = −j·`spacing[1]`; row-major, j (v) runs down. Heights and spacing
-/// are metres. Cell (i, j) is the bilinear patch between vertices (i, j) and (i + 1, j + 1).
+/// are metres. Cell (i, j) is the bilinear patch between vertices (i, j) and (i + 1, j + 1). Clones share the heights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeightField {
-    heights: Vec<f32>,
+    heights: Arc<[f32]>,
     size: [usize; 2],
     spacing: [f32; 2],
     boundary: Boundary,
@@ -30,7 +32,7 @@ impl HeightField {
         assert_eq!(heights.len(), size[0] * size[1], "one height a vertex");
         assert!(!heights.is_empty(), "at least one vertex");
         assert!(spacing[0] > 0.0 && spacing[1] > 0.0, "spacing in metres, greater than 0");
-        Self { heights, size, spacing, boundary }
+        Self { heights: heights.into(), size, spacing, boundary }
     }
 
     /// Heights of all vertices in metres, `[v][u]`.

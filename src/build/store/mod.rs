@@ -11,6 +11,7 @@ mod upkeep;
 
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -29,6 +30,7 @@ pub struct Store {
     remote: Option<Arc<Remote>>,
     uploads: Mutex<Option<Uploads>>,
     notices: Mutex<Vec<String>>,
+    differing: AtomicUsize,
 }
 
 /// The thread that copies new results to the remote store.
@@ -47,13 +49,20 @@ impl Store {
         });
         let (local, remote) = (Arc::new(local), remote.map(Arc::new));
         let uploads = remote.as_ref().filter(|_| local.is_writable()).map(|remote| Uploads::start(&local, remote));
-        Self { local, remote, uploads: Mutex::new(uploads), notices: Mutex::new(notice.into_iter().collect()) }
+        let notices = Mutex::new(notice.into_iter().collect());
+        Self { local, remote, uploads: Mutex::new(uploads), notices, differing: AtomicUsize::new(0) }
     }
 
     /// The store in the folder `root` as it is, which need not be there; nothing is written to it.
     pub fn open_to_read(root: &Path) -> Self {
         let local = Arc::new(Local::open_to_read(root));
-        Self { local, remote: None, uploads: Mutex::default(), notices: Mutex::default() }
+        Self {
+            local,
+            remote: None,
+            uploads: Mutex::default(),
+            notices: Mutex::default(),
+            differing: AtomicUsize::new(0),
+        }
     }
 
     /// Whether looking further than [`Self::record_nearby`] may find more.
@@ -93,7 +102,13 @@ impl Store {
 
     /// The files of `record` with their names, every one as its digest says; `None` where one cannot be had.
     pub fn files(&self, record: &Record) -> Option<Vec<(String, Vec<u8>)>> {
-        record.outputs.iter().map(|output| Some((output.name.clone(), self.bytes(output)?))).collect()
+        let file = |output: &Output| Some((output.name.clone(), self.bytes(output)?));
+        let files: Option<Vec<_>> = record.outputs.iter().map(file).collect();
+        if let (None, Some(remote)) = (&files, &self.remote) {
+            // Those after the first bad one were not looked at: all of them are written anew.
+            record.outputs.iter().for_each(|output| remote.distrust(&local::artifact_path(output.digest)));
+        }
+        files
     }
 
     /// The artifact of `record`; `None` where it cannot be had.
@@ -123,7 +138,16 @@ impl Store {
     }
 
     /// Keeps what an action made: its files, then the record that names them. `is_shared` offers it to other machines.
+    ///
+    /// What was kept under the same key must be the same: a difference is counted, and told of.
     pub fn keep(&self, record: &Record, files: &[(String, Vec<u8>)], is_shared: bool) {
+        if let Found::Whole(old) = self.local.record(record.key)
+            && old.outputs != record.outputs
+        {
+            self.differing.fetch_add(1, Ordering::Relaxed);
+            let short = record.key.short();
+            self.notice(format!("action {short} gave other bytes than before for the same inputs: a bug of farfield"));
+        }
         let kept = record
             .outputs
             .iter()
@@ -157,6 +181,11 @@ impl Store {
     /// Whether anything was written since it was opened.
     pub fn was_written(&self) -> bool {
         self.local.was_written()
+    }
+
+    /// How many actions gave other bytes than before.
+    pub fn differing(&self) -> usize {
+        self.differing.load(Ordering::Relaxed)
     }
 
     /// Waits until everything is copied that is to be shared.

@@ -230,31 +230,38 @@ impl Step for SurfaceStep<'_> {
     }
 
     fn working_bytes(&self, needs: &[Arc<Record>]) -> u64 {
-        let texels = || size_of(needs).iter().product::<usize>() as u64;
+        let product = |size: [usize; 2]| (size[0] * size[1]) as u64;
+        let texels = product(size_of(needs));
+        let cells = |settings: &LevelSettings| product(coarse_cells(size_of(needs), settings.factor));
         let tables = |settings: &LevelSettings| match settings.fixed_sizes([usize::MAX; 2]) {
             Some(TableSizes { patches, directions, .. }) => {
                 3 * 4 * (patches[0] * patches[1]) as u64 * pair_count(directions * directions) as u64
             }
             None => MOST_CHOSEN,
         };
-        // Bytes a texel as measured at 2048² and 4096², with a fifth on top; see benches/README.md.
         match self {
-            Self::Heights { path, .. } => 8 * file_bytes(path),
-            Self::Colors { path, .. } => 12 * texels() + 8 * file_bytes(path),
-            Self::Downsample { .. } => DOWNSAMPLE * texels(),
-            Self::Lobes { .. } => LOBES * texels(),
-            Self::Tint { .. } => texels(),
+            Self::Heights { path, .. } => DECODE * file_bytes(path),
+            Self::Colors { path, .. } => 12 * texels + DECODE * file_bytes(path),
+            Self::Downsample { settings } => 4 * texels + DOWNSAMPLE * cells(settings),
+            Self::Lobes { settings } => 4 * texels + LOBES * cells(settings),
+            Self::Tint { settings } => 24 * cells(settings),
             Self::Choose { settings, .. } if settings.fixed_sizes([1, 1]).is_some() => 1 << 10,
             Self::Choose { settings, .. } | Self::Retune { settings, .. } | Self::Fine { settings, .. } => {
                 let directions = settings.directions.unwrap_or(LARGEST_CHOSEN);
-                let bits = (directions * directions) as u64 / 8;
-                (FINE + bits + bits / 8) * texels() + 4 * tables(settings)
+                let bits = (directions * directions) as u64;
+                // and a colour map is copied
+                let color = if needs.len() > 2 { 12 } else { 0 };
+                (FINE + color) * texels + bits * texels / 8 + 4 * tables(settings) + LOBES * cells(settings)
             }
-            Self::Smooth { settings, .. } => DOWNSAMPLE * texels() + 2 * tables(settings),
-            Self::Coarse { .. } => (16 << 20) + 4 * needs.iter().map(|need| need.bytes()).sum::<u64>(),
-            Self::Fit { settings, .. } => (16 << 20) + 4 * tables(settings),
-            Self::Measure { .. } => (32 << 20) + MEASURE * texels(),
-            Self::Asset { .. } => 2 * needs.iter().map(|need| need.bytes()).sum::<u64>(),
+            Self::Smooth { settings, .. } => {
+                (16 << 20) + 2 * (DOWNSAMPLE + LOBES) * cells(settings) + 2 * tables(settings)
+            }
+            Self::Coarse { .. } => {
+                (16 << 20) + 4 * needs.iter().map(|need| need.bytes()).sum::<u64>() + 4 * MOST_CHOSEN
+            }
+            Self::Fit { settings, .. } => (16 << 20) + 8 * tables(settings),
+            Self::Measure { settings, .. } => (32 << 20) + MEASURE * texels + 2 * LOBES * cells(settings),
+            Self::Asset { .. } => (16 << 20) + 2 * needs.iter().map(|need| need.bytes()).sum::<u64>(),
         }
     }
 
@@ -345,11 +352,17 @@ impl Step for SurfaceStep<'_> {
     }
 }
 
-/// Bytes a texel that a stage holds beside its inputs.
-const DOWNSAMPLE: u64 = 24;
-const LOBES: u64 = 24;
-const FINE: u64 = 40;
-const MEASURE: u64 = 12;
+/// Bytes that a stage holds beside its inputs, measured at 2048² and 4096² and rounded up: of decoding, for a byte of
+/// the file (16 bits a texel, hardly compressed, become two copies in 32).
+const DECODE: u64 = 8;
+/// For a cell of the level: two spectra in double precision, and what they are made from.
+const DOWNSAMPLE: u64 = 128;
+/// For a cell of the level: eight lobes twice, and the normals under it.
+const LOBES: u64 = 512;
+/// For a texel of the map, visibility bits apart: slots, keys and normals while texels are sorted.
+const FINE: u64 = 28;
+/// For a texel of the map: bounds of heights, and a colour map's copy.
+const MEASURE: u64 = 20;
 
 /// Bytes of a table of F whose size is chosen, at most, and the most direction cells that are chosen.
 const MOST_CHOSEN: u64 = 24 << 20;
