@@ -10,10 +10,11 @@ fn a_plain_surface_has_the_documented_defaults() {
     let surface = &manifest.surfaces[0];
     assert_eq!(surface.boundary, Boundary::Repeat);
     assert_eq!(surface.size, [1.0, 2.5]);
-    assert_eq!(surface.error, DEFAULT_ERROR);
+    assert_eq!(surface.error(), DEFAULT_ERROR);
     assert_eq!(surface.brdf.diffuse, [0.5, 0.4, 0.3]);
     let level = surface.levels[0];
-    assert_eq!((level.factor, level.patches, level.directions, level.rank, level.lobes), (8.0, 4, 15, 1, None));
+    assert_eq!((level.factor, level.patches, level.directions, level.rank, level.lobes), (8.0, None, None, None, None));
+    assert!(level.has_choice());
 }
 
 #[test]
@@ -27,12 +28,24 @@ fn every_key_reaches_the_surface() {
     assert_eq!((surface.channel.as_deref(), surface.invert), (Some("R"), true));
     assert_eq!((surface.size, surface.amplitude, surface.offset), ([1.0, 10.5], 2.0, -1.0));
     assert_eq!((surface.boundary, surface.color.as_deref()), (Boundary::Clamp, Some("c.png")));
-    assert_eq!((surface.detrend, surface.dequantize, surface.error), (true, true, 0.1));
+    assert_eq!((surface.detrend, surface.dequantize, surface.error()), (true, true, 0.1));
     let specular = surface.brdf.specular.unwrap();
     assert_eq!((specular.alpha, specular.f0, surface.brdf.diffuse), (0.3, [1.0, 0.5, 0.0], [0.0, 0.0, 0.1]));
     let [first, second] = surface.levels.as_slice() else { panic!("two levels") };
     assert_eq!((first.factor, second.factor), (2.5, 8.0));
-    assert_eq!((first.patches, first.directions, first.rank, first.lobes, first.seed), (8, 21, 3, Some(6), 7));
+    assert_eq!(
+        (first.patches, first.directions, first.rank, first.lobes, first.seed),
+        (Some(8), Some(21), Some(3), Some(6), 7)
+    );
+}
+
+#[test]
+fn sizes_may_be_left_open_by_name() {
+    let text = "[surface.a]\nheight = \"a.exr\"\nsize = [1, 1]\namplitude = 1\nlevels = [8]\npatches = \"auto\"\n\
+                directions = \"auto\"\nrank = 2\nbsdf = { type = \"diffuse\", albedo = [1, 1, 1] }\n";
+    let level = Manifest::parse(text).unwrap().surfaces[0].levels[0];
+    assert_eq!((level.patches, level.directions, level.rank), (None, None, Some(2)));
+    assert!(Manifest::parse(&text.replace("patches = \"auto\"", "patches = \"many\"")).is_err());
 }
 
 #[test]
