@@ -25,6 +25,14 @@ pub struct LevelRecord {
     pub cells: [usize; 2],
     /// Most lobes of a cell.
     pub lobes: usize,
+    /// Patches of T along u and v.
+    #[serde(rename = "M")]
+    pub patches: [usize; 2],
+    /// Direction cells of S per axis.
+    #[serde(rename = "N")]
+    pub directions: usize,
+    /// Terms of the scaling.
+    pub rank: usize,
     /// ε below 75° of the fit at its own nodes.
     pub on_node: f64,
     /// Measured error, if it was measured.

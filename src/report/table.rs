@@ -21,8 +21,9 @@ pub fn level_table(records: &[LevelRecord]) -> String {
     if records.is_empty() {
         return String::new();
     }
-    let header = ["name", "level", "factor", "cells", "lobes", "ε < 75°", "ε > 75°", "on node", "bytes", "CPU seconds"];
-    let mut rows = vec![header.map(String::from).to_vec()];
+    let header =
+        ["name", "level", "factor", "cells", "lobes", "M", "N", "rank", "ε < 75°", "ε > 75°", "on node", "bytes"];
+    let mut rows = vec![header.into_iter().chain(["CPU seconds"]).map(String::from).collect()];
     rows.extend(records.iter().map(row));
     aligned(&rows)
 }
@@ -35,12 +36,20 @@ fn row(record: &LevelRecord) -> Vec<String> {
         factor(record.factor),
         format!("{} × {}", record.cells[0], record.cells[1]),
         record.lobes.to_string(),
+        grid(record.patches),
+        record.directions.to_string(),
+        record.rank.to_string(),
         record.error.map_or("–".into(), |error| percent(error.below_75)),
         record.error.map_or("–".into(), |error| percent(error.above_75)),
         format!("{:.2} %", record.on_node * 100.0),
         record.bytes.values().sum::<u64>().to_string(),
         stages(&record.stages),
     ]
+}
+
+/// `4` or `4 × 2`.
+pub(super) fn grid([u, v]: [usize; 2]) -> String {
+    if u == v { u.to_string() } else { format!("{u} × {v}") }
 }
 
 /// `8` or `8.03 × 7.97`.

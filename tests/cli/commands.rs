@@ -11,7 +11,7 @@ fn a_new_project_builds_at_once_and_can_be_inspected() {
 
     let build = project.run(&["build", "-m", "weave/farfield.toml"]);
     assert_eq!(build.code, 0, "{build:?}");
-    assert!(build.stdout.starts_with("name   level  factor  cells    lobes  ε < 75°"), "{}", build.stdout);
+    assert!(build.stdout.starts_with("name   level  factor  cells    lobes  M"), "{}", build.stdout);
     assert!(build.stdout.contains("\ntwill  1      8       32 × 32"), "{}", build.stdout);
     assert!(build.stderr.starts_with("twill: level 1 of 1\n"), "{}", build.stderr);
 

@@ -84,7 +84,7 @@ fn collect(folder: &Path, prefix: String, found: &mut Vec<(String, Vec<u8>)>) {
 pub(crate) fn surface(name: &str, height: &str) -> String {
     format!(
         "[surface.{name}]\nheight = \"{height}\"\nsize = [0.048, 0.032]\namplitude = 0.002\n\
-         bsdf = {{ type = \"diffuse\", albedo = [0.5, 0.4, 0.3] }}\nlevels = [4, 8]\npatches = 2\ndirections = 7\n"
+         bsdf = {{ type = \"diffuse\", albedo = [0.5, 0.4, 0.3] }}\nlevels = [4, 8]\npatches = 2\ndirections = 7\nrank = 1\n"
     )
 }
 

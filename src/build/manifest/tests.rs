@@ -14,6 +14,7 @@ fn a_plain_surface_has_the_documented_defaults() {
     assert_eq!(surface.brdf.diffuse, [0.5, 0.4, 0.3]);
     let level = surface.levels[0];
     assert_eq!((level.factor, level.patches, level.directions, level.rank, level.lobes), (8.0, None, None, None, None));
+    assert_eq!(level.fixed_sizes([9, 9]), None);
 }
 
 #[test]
@@ -36,6 +37,15 @@ fn every_key_reaches_the_surface() {
         (first.patches, first.directions, first.rank, first.lobes, first.seed),
         (Some(8), Some(21), Some(3), Some(6), 7)
     );
+}
+
+#[test]
+fn sizes_may_be_left_open_by_name() {
+    let text = "[surface.a]\nheight = \"a.exr\"\nsize = [1, 1]\namplitude = 1\nlevels = [8]\npatches = \"auto\"\n\
+                directions = \"auto\"\nrank = 2\nbsdf = { type = \"diffuse\", albedo = [1, 1, 1] }\n";
+    let level = Manifest::parse(text).unwrap().surfaces[0].levels[0];
+    assert_eq!((level.patches, level.directions, level.rank), (None, None, Some(2)));
+    assert!(Manifest::parse(&text.replace("patches = \"auto\"", "patches = \"many\"")).is_err());
 }
 
 #[test]

@@ -16,8 +16,8 @@ use crate::transport::scene::{Lod, Scene};
 /// The light and view.
 const CASE: (Light, View) = (Light::Area, View::Oblique);
 
-/// Cells along a pixel: levels are for pixels larger than a cell, and the whole map is on a few of them.
-const CELLS: f64 = 4.0;
+/// Cells along a pixel: as far away as levels pay, and near enough for T to be seen.
+const CELLS: f64 = 8.0;
 
 /// The original's image, and what it shows.
 pub(super) struct Reference {

@@ -5,7 +5,7 @@ use serde_json::json;
 
 use super::study::Study;
 use super::{LevelTradeoff, Row, TablesRow, Tradeoff};
-use crate::report::table::{aligned, percent};
+use crate::report::table::{aligned, grid, percent};
 
 /// The sweep as a table, one row a target.
 pub fn table(tradeoff: &Tradeoff) -> String {
@@ -45,9 +45,7 @@ fn cells(name: &str, level: &LevelTradeoff, row: &Row) -> Vec<String> {
 
 /// M, N, rank and lobes.
 fn sizes(tables: &TablesRow) -> [String; 4] {
-    let [u, v] = tables.patches;
-    let patches = if u == v { u.to_string() } else { format!("{u} × {v}") };
-    [patches, tables.directions.to_string(), tables.rank.to_string(), tables.lobes.to_string()]
+    [grid(tables.patches), tables.directions.to_string(), tables.rank.to_string(), tables.lobes.to_string()]
 }
 
 /// A number without the digits that `f64` alone has.
