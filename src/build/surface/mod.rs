@@ -11,6 +11,8 @@
 //! be done is known without a look at the graph.
 
 mod assemble;
+mod needs;
+mod settings;
 mod steps;
 
 use std::path::Path;
@@ -19,8 +21,8 @@ use super::SurfaceSpec;
 use super::graph::{ActionId, Graph, Place};
 use super::key::{Digest, Walk};
 use crate::prefilter::surface::LevelSettings;
+use settings::{ASSET, version_of};
 pub use steps::SurfaceStep;
-use steps::{ASSET, version_of};
 
 /// The digests of a surface's files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,7 +53,7 @@ pub fn walk_asset(spec: &SurfaceSpec, files: SurfaceFiles) -> Walk {
         levels,
         error,
     } = spec;
-    steps::walk_versions(&mut walk);
+    settings::walk_versions(&mut walk);
     walk.input("height map", files.height);
     if let Some(color) = files.color {
         walk.input("colour map", color);
@@ -63,7 +65,7 @@ pub fn walk_asset(spec: &SurfaceSpec, files: SurfaceFiles) -> Walk {
     walk.setting("amplitude", amplitude);
     walk.setting("offset", offset);
     walk.setting("boundary", boundary);
-    steps::walk_brdf(&mut walk, brdf);
+    settings::walk_brdf(&mut walk, brdf);
     walk.setting("detrend", detrend);
     walk.setting("dequantize", dequantize);
     walk.setting("error", error);
