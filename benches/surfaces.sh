@@ -11,6 +11,6 @@ trap 'rm -rf "$out"' EXIT
 names=("$@")
 [ ${#names[@]} -gt 0 ] || mapfile -t names < <(sed -n 's/^\[surface\.\(.*\)\]$/\1/p' "$manifest")
 for name in "${names[@]}"; do
-    ./target/release/farfield build "$name" -m "$manifest" --out "$out/$name" --quiet >"$out/$name.log" 2>&1 || cat "$out/$name.log"
+    ./target/release/farfield build "$name" -m "$manifest" --out "$out/$name" --cache "$out/$name.cache" --quiet >"$out/$name.log" 2>&1 || cat "$out/$name.log"
 done
 python3 benches/surfaces.py "$out"/*/build.jsonl

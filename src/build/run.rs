@@ -138,7 +138,9 @@ pub fn build(plan: &Plan, request: Request, publisher: &Publisher, on_event: &mu
     let Build { records, mut outcome, .. } = build;
     outcome.records = records.into_iter().flatten().collect();
     outcome.missed = outcome.records.iter().filter(|record| record.missed()).count();
-    if let Err(error) = record::replace(&out, &outcome.records, publisher) {
+    if !outcome.records.is_empty()
+        && let Err(error) = record::replace(&out, &outcome.records, publisher)
+    {
         on_event(Event::Notice { text: &error.to_string() });
     }
     digests.save(&store);

@@ -235,8 +235,11 @@ impl<S: Step + Send> Scheduler<'_, S> {
         true
     }
 
-    /// Drops the artifacts that `id` does not need. They are in the store, and are made again if they are not.
+    /// Drops the artifacts that `id` does not need, if the store keeps them: what is not kept would be made again and again.
     fn unload_for(&mut self, id: ActionId) {
+        if !self.store.keeps_results() {
+            return;
+        }
         let needs = self.graph.node(id).needs.clone();
         for other in self.graph.ids().filter(|other| !needs.contains(other)) {
             self.unload(other);

@@ -4,11 +4,15 @@ use std::path::PathBuf;
 
 use super::args::BuildArgs;
 use super::build::{compile, plan, publisher, remote};
-use super::complain;
+use super::{SENSELESS, complain};
 use crate::build::{Looks, Plan, Watcher};
 
 /// Builds, and again whenever the manifest or a map has changed, until interrupted; an exit code if it cannot begin.
 pub(super) fn run(args: &BuildArgs) -> u8 {
+    if args.dry_run {
+        complain("error", "`watch` builds; `--dry-run` goes with `build`");
+        return SENSELESS;
+    }
     let publisher = match publisher(&args.out) {
         Ok(publisher) => publisher,
         Err(code) => return code,

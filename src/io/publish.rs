@@ -98,7 +98,7 @@ impl Publisher {
     /// Removes what dead processes left in `folder`, the parent of published folders.
     pub fn sweep(&self, folder: &Path) {
         let _busy = self.halt();
-        collect_orphans(folder, "");
+        collect_orphans(folder, "."); // ours begin with a dot
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use farfield::math::rng::Stream;
 
@@ -33,6 +33,13 @@ fn undisturbed() -> Tree {
     assets(&project, "lod")
 }
 
+/// How long a build takes here and now.
+fn build_time() -> Duration {
+    let (project, start) = (crowd(), Instant::now());
+    build(&project, &[]);
+    start.elapsed()
+}
+
 fn spawn(project: &Project, arguments: &[&str]) -> Child {
     let mut command = project.command(&[&["build", "-q"], arguments].concat());
     command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
@@ -50,15 +57,16 @@ fn assert_whole_assets(project: &Project, out: &str) {
 
 /// Kills builds at random moments, `count` of them, each in the state that the last one left.
 fn check_kills(count: u64) {
-    let wanted = undisturbed();
+    let (wanted, longest) = (undisturbed(), 1.3 * build_time().as_secs_f64());
     let project = crowd();
     let stream = Stream::new(count, 99);
     let [mut killed, mut finished] = [0; 2];
     for kill in 0..count {
         let mut child = spawn(&project, &[]);
-        // Between 1 ms and 1.5 s, as often in one octave as in another: much happens in the first moments.
-        let milliseconds = 1500_f64.powf(f64::from(stream.uniform(kill)));
-        std::thread::sleep(Duration::from_secs_f64(milliseconds * 1e-3));
+        // Between a millisecond and a third more than a whole build takes, as often in one octave as in another: much
+        // happens in the first moments.
+        let seconds = longest * (1e-3 / longest).powf(f64::from(stream.uniform(kill)));
+        std::thread::sleep(Duration::from_secs_f64(seconds));
         child.kill().unwrap();
         let is_killed = child.wait().unwrap().code().is_none();
         assert_whole_assets(&project, "lod");

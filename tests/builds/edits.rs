@@ -18,11 +18,12 @@ struct State {
     comment: u64,
 }
 
-const MAPS: [&str; 1] = ["map.png"];
+/// The height map.
+const MAP: &str = "map.png";
 
 impl State {
     const FIRST: Self =
-        Self { surface: Surface { height: MAPS[0], levels: "[16]", ..Surface::PLAIN }, map: 0, colors: 0, comment: 0 };
+        Self { surface: Surface { height: MAP, levels: "[16]", ..Surface::PLAIN }, map: 0, colors: 0, comment: 0 };
 
     /// One edit; nine kinds, each of which may undo itself later.
     fn edit(&mut self, random: &mut impl FnMut(usize) -> usize) {
@@ -42,7 +43,7 @@ impl State {
 
     /// Makes the project so.
     fn write(&self, project: &Project) {
-        project.write(MAPS[0], &map(self.map));
+        project.write(MAP, &map(self.map));
         project.write("color.png", &stripes([[200, 120, 40], [40, 120, 200]][self.colors]));
         let manifest = format!("# edition {}\n{}", self.comment, self.surface.manifest());
         project.write("farfield.toml", manifest.as_bytes());

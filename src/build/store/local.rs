@@ -52,12 +52,7 @@ impl Local {
         let claim = || -> io::Result<Scratch> {
             fs::create_dir_all(&tmp)?;
             collect_orphans(&tmp, "");
-            let scratch = Scratch::claim(&tmp, "")?;
-            let ignored = root.join(".gitignore");
-            if !ignored.exists() {
-                fs::write(ignored, "*\n")?;
-            }
-            Ok(scratch)
+            Scratch::claim(&tmp, "")
         };
         let (scratch, error) = match claim() {
             Ok(scratch) => (Some(scratch), None),
@@ -137,6 +132,9 @@ impl Local {
     pub(super) fn put(&self, path: &str, bytes: &[u8]) -> io::Result<()> {
         let Some(scratch) = self.scratch.as_ref().filter(|_| self.is_writable()) else { return Ok(()) };
         let number = self.written.fetch_add(1, Ordering::Relaxed);
+        if number == 0 {
+            self.keep_out_of_repositories();
+        }
         let written = scratch.folder().join(number.to_string());
         let place = self.path(path);
         let renamed = || match fs::rename(&written, &place) {
@@ -152,6 +150,14 @@ impl Local {
             self.is_writable.store(false, Ordering::Relaxed);
         }
         put
+    }
+
+    /// A cache is nobody's source. Where this fails, the first file of the store fails too, and is told of.
+    fn keep_out_of_repositories(&self) {
+        let ignored = self.path(".gitignore");
+        if !ignored.exists() {
+            let _ = fs::write(ignored, "*\n");
+        }
     }
 
     /// The file of a name within the store.

@@ -70,6 +70,11 @@ impl Store {
         self.remote.is_some()
     }
 
+    /// Whether what is kept can be had again: not where the store is read-only, or full.
+    pub fn keeps_results(&self) -> bool {
+        self.local.is_writable()
+    }
+
     /// The record of `key` on this machine.
     pub fn record_nearby(&self, key: Digest) -> Option<Record> {
         match self.local.record(key) {
@@ -236,7 +241,7 @@ impl Drop for Store {
 }
 
 /// The longest record that is fetched: those of assets have a kilobyte a level and file.
-const MAX_RECORD: u64 = 4 << 20;
+const MAX_RECORD: u64 = (1 << 20) - 1;
 
 impl Uploads {
     fn start(local: &Arc<Local>, remote: &Arc<Remote>) -> Self {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use formats::asset::{DOCUMENT, SurfaceAsset, SurfaceLevel};
 
 use super::SurfaceFiles;
-use super::steps::{choice, colors, error, fine_surface, fit, heights, lobes, of_another_kind};
+use super::needs::{choice, colors, error, fine_surface, fit, heights, lobes, of_another_kind};
 use crate::build::SurfaceSpec;
 use crate::build::action::{Facts, Failure, Made, Need, Record};
 use crate::build::artifact::Artifact;

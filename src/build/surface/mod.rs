@@ -14,6 +14,8 @@
 //! be done is known without a look at the graph.
 
 mod assemble;
+mod needs;
+mod settings;
 mod steps;
 
 use std::path::Path;
@@ -22,8 +24,8 @@ use super::SurfaceSpec;
 use super::graph::{ActionId, Graph, Place};
 use super::key::{Digest, Walk};
 use crate::prefilter::surface::LevelSettings;
+use settings::{ASSET, version_of};
 pub use steps::SurfaceStep;
-use steps::{ASSET, version_of};
 
 /// The digests of a surface's files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,7 +55,7 @@ pub fn walk_asset(spec: &SurfaceSpec, files: SurfaceFiles) -> Walk {
         dequantize,
         levels,
     } = spec;
-    steps::walk_versions(&mut walk);
+    settings::walk_versions(&mut walk);
     walk.input("height map", files.height);
     if let Some(color) = files.color {
         walk.input("colour map", color);
@@ -65,7 +67,7 @@ pub fn walk_asset(spec: &SurfaceSpec, files: SurfaceFiles) -> Walk {
     walk.setting("amplitude", amplitude);
     walk.setting("offset", offset);
     walk.setting("boundary", boundary);
-    steps::walk_brdf(&mut walk, brdf);
+    settings::walk_brdf(&mut walk, brdf);
     walk.setting("detrend", detrend);
     walk.setting("dequantize", dequantize);
     walk.setting("levels", levels.iter().map(|level| level.factor).collect::<Vec<_>>());

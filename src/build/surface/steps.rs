@@ -1,55 +1,26 @@
-//! What the actions of a surface are, what their keys are made of, and what they call.
+//! What the actions of a surface are, what they call, and how much memory they need.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::SurfaceFiles;
-use super::assemble::{asset, measured};
+use super::assemble::{asset, is_loaded, measured};
+use super::needs::{choice, coarse_surface, colors, error, fine_f, fine_surface, heights, need_size, size_of, table};
+use super::settings::{ASSET, version_of, walk_step};
 use crate::build::action::{Facts, Failure, Made, Need, Record, Step};
 use crate::build::artifact::Artifact;
-use crate::build::encode::SURFACE_VERSION;
 use crate::build::key::{Digest, Walk};
 use crate::build::level::lower_aim;
 use crate::build::{SurfaceSpec, input};
-use crate::geometry::HeightField;
 use crate::io::SourceFile;
 use crate::io::color::decode_color;
 use crate::material::Brdf;
-use crate::prefilter::surface::coarse::CoarseSurface;
 use crate::prefilter::surface::downsample::downsample;
-use crate::prefilter::surface::reflectance::{PatchReflectance, pair_count};
+use crate::prefilter::surface::reflectance::pair_count;
 use crate::prefilter::surface::{
-    Choice, FineSurface, FineTables, LevelFit, LevelSettings, LightTransport, TableSizes, VmfLobe, base_gaussians,
-    cell_colors, choose, coarse_cells, coarse_heights, coarse_table, fine_tables, fit_level, level_lobes,
+    Choice, LevelSettings, TableSizes, base_gaussians, cell_colors, choose, coarse_cells, coarse_heights, coarse_table,
+    fine_tables, fit_level, level_lobes,
 };
-use formats::asset::LevelError;
-
-/// Name of the stage that puts an asset together.
-pub(super) const ASSET: &str = "asset";
-
-/// Versions of the stages: raised when one gives other bytes for the same inputs and settings. All of them are made anew
-/// where [`SURFACE_VERSION`] is raised.
-const VERSIONS: [(&str, u32); 13] = [
-    ("heights", 1),
-    ("colors", 1),
-    ("downsample", 1),
-    ("lobes", 1),
-    ("tint", 1),
-    ("choose", 1),
-    ("retune", 1),
-    ("fine", 1),
-    ("smooth", 1),
-    ("coarse", 1),
-    ("fit", 1),
-    ("measure", 1),
-    (ASSET, 1),
-];
-
-/// The version of a stage.
-pub(super) fn version_of(stage: &str) -> u32 {
-    VERSIONS.iter().find(|(name, _)| *name == stage).expect("every stage is in the table").1
-}
-
 /// An action of a surface.
 #[derive(Debug)]
 pub enum SurfaceStep<'a> {
@@ -169,64 +140,7 @@ impl Step for SurfaceStep<'_> {
             *walk = super::walk_asset(spec, *files);
             return;
         }
-        walk.setting("surface version", SURFACE_VERSION);
-        let names = self.need_names();
-        for (name, need) in names.iter().zip(needs).filter(|(name, _)| !name.is_empty()) {
-            walk.input(name, need.digest());
-        }
-        match self {
-            Self::Heights { spec, digest, .. } => walk_heights(walk, spec, *digest),
-            Self::Colors { digest, .. } => {
-                walk.input("colour map", *digest);
-                walk.setting("texels", size_of(needs));
-            }
-            Self::Downsample { settings } => walk.setting("factor", settings.factor),
-            Self::Lobes { settings } => {
-                walk.setting("cells", coarse_cells(size_of(needs), settings.factor));
-                walk.setting("lobes", settings.lobes);
-            }
-            Self::Tint { settings } => {
-                walk.setting("texels", size_of(needs));
-                walk.setting("cells", coarse_cells(size_of(needs), settings.factor));
-            }
-            Self::Choose { settings, brdf } | Self::Retune { settings, brdf } => {
-                walk.setting("patches", settings.patches);
-                walk.setting("directions", settings.directions);
-                walk.setting("rank", settings.rank);
-                if settings.fixed_sizes([1, 1]).is_some() {
-                    walk.setting("cells", coarse_cells(size_of(needs), settings.factor));
-                    return;
-                }
-                walk_brdf(walk, brdf);
-                walk.setting("factor", settings.factor);
-                walk.setting("light", settings.light);
-                walk.setting("error", settings.error);
-            }
-            Self::Fine { settings, brdf } => {
-                walk_brdf(walk, brdf);
-                walk.setting("light", settings.light);
-                if settings.light != LightTransport::Direct {
-                    walk.setting("error", settings.error);
-                    walk.setting("seed", settings.seed);
-                }
-            }
-            Self::Smooth { settings, brdf } => {
-                walk_brdf(walk, brdf);
-                walk.setting("factor", settings.factor);
-            }
-            Self::Coarse { brdf } => walk_brdf(walk, brdf),
-            Self::Fit { settings, brdf } => {
-                walk_brdf(walk, brdf);
-                walk.setting("error", settings.error);
-            }
-            Self::Measure { settings, spec } => {
-                walk_brdf(walk, &spec.brdf);
-                walk.setting("size", spec.size);
-                walk.setting("light", settings.light);
-                walk.setting("seed", settings.seed);
-            }
-            Self::Asset { .. } => {}
-        }
+        walk_step(self, needs, walk);
     }
 
     fn working_bytes(&self, needs: &[Arc<Record>]) -> u64 {
@@ -342,7 +256,7 @@ impl Step for SurfaceStep<'_> {
             Self::Colors { .. } => false,
             Self::Tint { .. } => need > 0,
             Self::Choose { settings, .. } => settings.fixed_sizes([1, 1]).is_none(),
-            Self::Asset { spec, .. } => super::assemble::is_loaded(spec, need, needs.len()),
+            Self::Asset { spec, .. } => is_loaded(spec, need, needs.len()),
             _ => true,
         }
     }
@@ -367,67 +281,6 @@ const MEASURE: u64 = 20;
 /// Bytes of a table of F whose size is chosen, at most, and the most direction cells that are chosen.
 const MOST_CHOSEN: u64 = 24 << 20;
 const LARGEST_CHOSEN: usize = 21;
-
-impl SurfaceStep<'_> {
-    /// What the needed actions are called in the key; none where only a fact of theirs counts.
-    fn need_names(&self) -> &'static [&'static str] {
-        match self {
-            Self::Heights { .. } | Self::Colors { .. } | Self::Asset { .. } => &[],
-            Self::Downsample { .. } | Self::Lobes { .. } => &["heights"],
-            Self::Tint { .. } => &["", "colors"],
-            Self::Choose { settings, .. } if settings.fixed_sizes([1, 1]).is_some() => &[""],
-            Self::Choose { .. } => &["heights", "downsample", "lobes", "colors", "tint"],
-            Self::Retune { .. } => &["heights", "downsample", "lobes", "sizes", "measure", "colors", "tint"],
-            Self::Fine { .. } => &["heights", "sizes", "colors"],
-            Self::Smooth { .. } => &["heights", "downsample", "lobes", "sizes", "fine", "tint"],
-            Self::Coarse { .. } => &["smooth", "lobes", "sizes", "tint"],
-            Self::Fit { .. } => &["smooth", "fine", "coarse", "sizes"],
-            Self::Measure { .. } => &["heights", "smooth", "lobes", "sizes", "fit", "colors", "tint"],
-        }
-    }
-}
-
-/// Everything that the heights of `spec` depend on.
-fn walk_heights(walk: &mut Walk, spec: &SurfaceSpec, digest: Digest) {
-    walk.input("height map", digest);
-    walk.setting("channel", &spec.channel);
-    walk.setting("invert", spec.invert);
-    walk.setting("size", spec.size);
-    walk.setting("amplitude", spec.amplitude);
-    walk.setting("offset", spec.offset);
-    walk.setting("boundary", spec.boundary);
-    walk.setting("detrend", spec.detrend);
-    walk.setting("dequantize", spec.dequantize);
-}
-
-/// A base BRDF, part by part.
-pub(super) fn walk_brdf(walk: &mut Walk, brdf: &Brdf) {
-    let Brdf { diffuse, specular } = brdf;
-    walk.setting("bsdf diffuse", diffuse);
-    match specular {
-        None => walk.setting("bsdf specular", ()),
-        Some(crate::material::Conductor { alpha, f0, distribution }) => {
-            walk.setting("bsdf roughness", alpha);
-            walk.setting("bsdf specular", f0);
-            walk.setting("bsdf distribution", distribution);
-        }
-    }
-}
-
-/// The versions of all stages, for what depends on all.
-pub(super) fn walk_versions(walk: &mut Walk) {
-    walk.setting("surface version", SURFACE_VERSION);
-    VERSIONS.iter().for_each(|(stage, version)| walk.setting(&format!("version of {stage}"), version));
-}
-
-/// Texels of the map that the first need read.
-fn size_of(needs: &[Arc<Record>]) -> [usize; 2] {
-    needs.first().and_then(|need| need.facts.size).unwrap_or([1, 1])
-}
-
-fn need_size(needs: &[Need]) -> Result<[usize; 2], Failure> {
-    needs.first().and_then(|need| need.record.facts.size).ok_or_else(of_another_kind)
-}
 
 fn file_bytes(path: &Path) -> u64 {
     std::fs::metadata(path).map_or(0, |metadata| metadata.len())
@@ -462,83 +315,4 @@ fn chosen(
     let (fine, gaussians) = (fine_surface(&needs[0], needs.get(colors), brdf)?, base_gaussians(brdf));
     let surface = coarse_surface([&needs[1], &needs[2]], needs.get(tint), brdf, &gaussians)?;
     Ok(choose(&fine, settings, &surface, on_stage))
-}
-
-/// The fine surface of its heights and colours.
-pub(super) fn fine_surface(map: &Need, color: Option<&Need>, brdf: &Brdf) -> Result<FineSurface, Failure> {
-    let color = colors(color)?.map(<[_]>::to_vec);
-    Ok(FineSurface { heights: heights(map)?.clone(), brdf: *brdf, color })
-}
-
-fn coarse_surface<'n>(
-    [map, distributions]: [&'n Need; 2],
-    tint: Option<&'n Need>,
-    brdf: &'n Brdf,
-    gaussians: &'n [[f32; 2]],
-) -> Result<CoarseSurface<'n>, Failure> {
-    let (heights, lobes, base_color) = (heights(map)?, lobes(distributions)?, colors(tint)?);
-    Ok(CoarseSurface { heights, lobes, base_color, brdf, gaussians })
-}
-
-/// An artifact is not what its stage makes: no store of ours gives such a thing.
-pub(super) fn of_another_kind() -> Failure {
-    Failure::Refused("a stored result is of another kind than its stage makes; empty the cache, and build again".into())
-}
-
-pub(super) fn heights(need: &Need) -> Result<&HeightField, Failure> {
-    match need.artifact.as_deref() {
-        Some(Artifact::Heights(heights)) => Ok(heights),
-        _ => Err(of_another_kind()),
-    }
-}
-
-pub(super) fn lobes(need: &Need) -> Result<&Vec<Vec<VmfLobe>>, Failure> {
-    match need.artifact.as_deref() {
-        Some(Artifact::Lobes(lobes)) => Ok(lobes),
-        _ => Err(of_another_kind()),
-    }
-}
-
-/// Colours, where there is such an action.
-pub(super) fn colors(need: Option<&Need>) -> Result<Option<&[[f32; 3]]>, Failure> {
-    match need.map(|need| need.artifact.as_deref()) {
-        None => Ok(None),
-        Some(Some(Artifact::Colors(colors))) => Ok(colors.as_deref()),
-        Some(_) => Err(of_another_kind()),
-    }
-}
-
-pub(super) fn fit(need: &Need) -> Result<&LevelFit, Failure> {
-    match need.artifact.as_deref() {
-        Some(Artifact::Fit(fit)) => Ok(fit),
-        _ => Err(of_another_kind()),
-    }
-}
-
-pub(super) fn choice(need: &Need) -> Result<&Choice, Failure> {
-    match need.artifact.as_deref() {
-        Some(Artifact::Choice(choice)) => Ok(choice),
-        _ => Err(of_another_kind()),
-    }
-}
-
-pub(super) fn error(need: &Need) -> Result<LevelError, Failure> {
-    match need.artifact.as_deref() {
-        Some(Artifact::Error(error)) => Ok(*error),
-        _ => Err(of_another_kind()),
-    }
-}
-
-fn fine_f(need: &Need) -> Result<&FineTables, Failure> {
-    match need.artifact.as_deref() {
-        Some(Artifact::Fine(tables)) => Ok(tables),
-        _ => Err(of_another_kind()),
-    }
-}
-
-fn table(need: &Need) -> Result<&PatchReflectance, Failure> {
-    match need.artifact.as_deref() {
-        Some(Artifact::Reflectance(table)) => Ok(table),
-        _ => Err(of_another_kind()),
-    }
 }
