@@ -3,7 +3,7 @@
 import json
 import sys
 
-STAGES = ["read", "downsample", "lobes", "group", "visibility", "fine", "interreflect", "smooth", "coarse", "fit", "encode", "measure"]
+STAGES = ["read", "downsample", "lobes", "choose", "group", "visibility", "fine", "interreflect", "smooth", "coarse", "fit", "encode", "measure"]
 PARTS = ["heights", "lobes", "spatial", "angular", "base_color", "additive_angular"]
 
 

@@ -35,7 +35,8 @@ impl Subject {
     pub(crate) fn new(name: &str, bsdf: &str, factors: &[u32]) -> Self {
         let heights = heights(name);
         let text = format!(
-            "[surface.{name}]\nheight = \"{name}.png\"\nsize = [1.024, 1.024]\namplitude = 1.0\nbsdf = {bsdf}\nlevels = {factors:?}\n"
+            "[surface.{name}]\nheight = \"{name}.png\"\nsize = [1.024, 1.024]\namplitude = 1.0\nbsdf = {bsdf}\nlevels = {factors:?}\n\
+             patches = 4\ndirections = 15\nrank = 1\n"
         );
         let manifest = Manifest::parse(&text).unwrap_or_else(|mistakes| panic!("{mistakes:?}"));
         let spec = &manifest.surfaces[0];

@@ -75,7 +75,7 @@ fn building_ignores_scenes_but_not_their_mistakes() {
     let manifest = surface("waves", "waves.png") + &scene("shop", "fog = 1\n");
     project.write("farfield.toml", manifest.as_bytes());
     let said = project.run(&["build"]);
-    let wanted = "error: farfield.toml:13:1: unknown key `fog` in `[scene.shop]`; wanted one of `camera`, `film`, \
+    let wanted = "error: farfield.toml:14:1: unknown key `fog` in `[scene.shop]`; wanted one of `camera`, `film`, \
                   `lights`, `objects`\n";
     assert_eq!((said.code, said.stderr.as_str()), (2, wanted));
 }

@@ -72,14 +72,15 @@ fn a_study_takes_the_factorisation_apart() {
     };
     assert_eq!(["–", "N", "M", "rank", "lobes"].map(count), [1, 4, 4, 2, 8]);
     let methods = study["methods"].as_array().unwrap();
-    let error = |name: &str| {
+    let errors = |name: &str| {
         let row = methods.iter().find(|row| row["method"].as_str().unwrap().starts_with(name)).unwrap();
-        row["below_75"].as_f64().unwrap()
+        ["below_75", "above_75"].map(|figure| row[figure].as_f64().unwrap())
     };
-    // least squares is what the error is measured by; zero bias costs it next to nothing
-    let least = error("alternating least squares, rank 1");
+    // least squares minimises the sum of both, so that nothing is better in both; zero bias costs it next to nothing
+    let least = errors("alternating least squares, rank 1");
     for other in ["ratio of averages", "averages of ratios", "singular value"] {
-        assert!(least <= 1.01 * error(other), "{other}: {} under {least}", error(other));
+        let other_errors = errors(other);
+        assert!((0..2).any(|k| least[k] <= 1.001 * other_errors[k]), "{other}: {other_errors:?} under {least:?}");
     }
     let files: Vec<String> = project.tree("report").into_iter().map(|(name, _)| name).collect();
     assert_eq!(files, ["study-waves.json", "study-waves.txt"]);

@@ -38,8 +38,8 @@ const MOST_VALUES: usize = 2_000_000;
 /// Strata per axis of the directions between the nodes.
 const STRATA: usize = 5;
 
-/// Half the width of the square that they lie in, |2s − 1| <= 0.86: polar angles below 75°.
-const REACH: f32 = 0.86;
+/// Half the width of the square that they lie in, |2s − 1| <= 6/7: between the outermost nodes of N = 7, at 74.6°.
+const REACH: f32 = 6.0 / 7.0;
 
 /// Stream of their jitter.
 const BETWEEN: u64 = 0x4e00;
