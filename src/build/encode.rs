@@ -57,6 +57,7 @@ pub fn surface_level(index: usize, fine: &geometry::HeightField, coarse: CoarseL
             spatial: term.spatial,
             angular: term.angular,
         }),
+        skipped_interreflection: coarse.skipped_interreflection,
         error: None,
         limited_by: None,
     }

@@ -307,6 +307,22 @@ pub(super) fn error_below_75(
     if total > 0.0 { (error / total).sqrt() } else { 0.0 }
 }
 
+/// Mean square of F over patches, channels and pairs below 75°.
+pub(super) fn mean_square(f: &PatchReflectance, directions: &TableDirections) -> f64 {
+    let below: Vec<bool> = directions.vectors.iter().map(|w| w[2] > COS_75).collect();
+    let [mut sum, mut count] = [0.0; 2];
+    for table in (0..3 * f.patch_count()).map(|k| f.channel(k / 3, k % 3)) {
+        for i in (0..directions.len()).filter(|&i| below[i]) {
+            for o in (0..=i).filter(|&o| below[o]) {
+                let weight = if i == o { 1.0 } else { 2.0 };
+                sum += weight * f64::from(table[pair(i, o)]).powi(2);
+                count += weight;
+            }
+        }
+    }
+    if count > 0.0 { sum / count } else { 0.0 }
+}
+
 /// T to store, so that its bilinear interpolation has the means `means` over the patches.
 ///
 /// The mean over a patch of the interpolant is ¾ of its own texel and ⅛ of each neighbour along each axis. Richardson

@@ -21,8 +21,8 @@ use additive::{AdditiveTerm, fit_additive};
 use coarse::{CoarseSurface, coarse_reflectance};
 use fine::SortedSurface;
 use fit::{Factors, deconvolve, error_below_75, fit_scaling, full_table};
-pub use interreflection::Interreflection;
-use interreflection::{NOISE_SHARE, PathSettings, interreflection};
+pub use interreflection::{Interreflection, ReflectionBound};
+use interreflection::{NOISE_SHARE, PathSettings, SKIPPED_SHARE, interreflection, relative_bound};
 use reflectance::{PatchReflectance, TableDirections};
 
 /// A fine surface: what is prefiltered.
@@ -97,6 +97,8 @@ pub struct CoarseLevel {
     pub angular: Vec<Vec<[f32; 3]>>,
     /// Interreflection, where the light holds any.
     pub additive: Option<AdditiveTerm>,
+    /// Bound of what ε lost because interreflection was left out, where the light was to hold it.
+    pub skipped_interreflection: Option<f64>,
     /// ε below 75° of the fit at the nodes of S; F of interreflection is interpolated to them.
     pub on_node: f64,
     /// Warnings for the user, one line each.
@@ -106,7 +108,7 @@ pub struct CoarseLevel {
 /// Compiles one level.
 ///
 /// The stages, named to `on_stage` as they begin: `downsample`, `lobes`, `group`, `visibility`, `fine`, `interreflect`
-/// unless the light is direct, `smooth`, `coarse`, `fit`.
+/// unless the light is direct or a bound shows that there is next to none, `smooth`, `coarse`, `fit`.
 pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn FnMut(&'static str)) -> CoarseLevel {
     on_stage("downsample");
     let heights = downsample::downsample(&fine.heights, settings.factor);
@@ -120,7 +122,10 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
     let sorted = SortedSurface::new(fine, patches, &directions, on_stage);
     let f_fine = sorted.direct(&directions, on_stage);
     let additive_directions = TableDirections::new(additive::directions_of(&fine.brdf));
-    let interreflected = (settings.light == LightTransport::Baked).then(|| {
+    let wanted = settings.light == LightTransport::Baked;
+    let bound = ReflectionBound::new(fine).filter(|_| wanted).map(|bound| relative_bound(&bound, &f_fine, &directions));
+    let skipped_interreflection = bound.filter(|bound| *bound <= SKIPPED_SHARE * settings.error);
+    let interreflected = (wanted && skipped_interreflection.is_none()).then(|| {
         on_stage("interreflect");
         let paths = PathSettings { noise: NOISE_SHARE * settings.error, seed: settings.seed };
         interreflection(fine, &sorted, &f_fine, patches, &additive_directions, paths)
@@ -166,6 +171,7 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
         directions: settings.directions,
         angular,
         additive: fitted.map(|fitted| fitted.term),
+        skipped_interreflection,
         on_node,
         warnings,
     }
