@@ -305,6 +305,7 @@ fn what_the_format_cannot_hold_is_refused_by_the_writer() {
             "level 1, additive_spatial: wanted 2",
         ),
         (refusal(&|a| a.levels[0].additive.as_mut().unwrap().directions = 64), "level 1, additive_angular"),
+        (refusal(&|a| a.levels[0].skipped_interreflection = Some(f64::NAN)), "level 1, `skipped_interreflection`"),
         (refusal(&|a| a.levels[0].cells = [usize::MAX; 2]), "level 1, heights"),
         (refusal(&|a| a.levels[0].lobes.clear()), "level 1, `lobes`"),
         (refusal(&|a| a.levels.push(a.levels[0].clone())), "`index` of a level: wanted 2 to"),

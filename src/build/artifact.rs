@@ -46,13 +46,14 @@ impl Artifact {
             }
             Self::Lobes(lobes) => out.lobes(lobes),
             Self::Choice(choice) => out.choice(choice),
-            Self::Fine(FineTables { direct, interreflection }) => {
+            Self::Fine(FineTables { direct, interreflection, skipped_interreflection }) => {
                 out.0.push(b'g');
                 out.reflectance(direct);
                 out.option(interreflection.as_ref(), |out, light| {
                     out.doubles(&[light.noise]);
                     out.reflectance(&light.reflectance);
                 });
+                out.option(*skipped_interreflection, |out, bound| out.doubles(&[bound]));
             }
             Self::Reflectance(table) => {
                 out.0.push(b'f');
@@ -82,9 +83,11 @@ impl Artifact {
             b'c' => Self::Colors(Some(read.triples()?)),
             b'l' => Self::Lobes(read.lobes()?),
             b's' => Self::Choice(read.choice()?),
-            b'g' => {
-                Self::Fine(FineTables { direct: read.reflectance()?, interreflection: read.option(Reader::light)? })
-            }
+            b'g' => Self::Fine(FineTables {
+                direct: read.reflectance()?,
+                interreflection: read.option(Reader::light)?,
+                skipped_interreflection: read.option(Reader::double)?,
+            }),
             b'f' => Self::Reflectance(read.reflectance()?),
             b't' => Self::Fit(read.fit()?),
             b'e' => Self::Error(read.error()?),
@@ -189,6 +192,7 @@ impl Writer {
             out.triples(&term.spatial);
             out.triples(&term.angular);
         });
+        self.option(fit.skipped_interreflection, |out, bound| out.doubles(&[bound]));
         self.doubles(&[fit.on_node]);
         self.count(fit.warnings.len());
         fit.warnings.iter().for_each(|warning| self.text(warning));
@@ -307,7 +311,14 @@ impl Reader<'_> {
         let additive = self.option(|read| {
             Some(AdditiveTerm { directions: read.count()?, spatial: read.triples()?, angular: read.triples()? })
         })?;
-        Some(LevelFit { spatial, angular, additive, on_node: self.double()?, warnings: self.many(Self::text)? })
+        Some(LevelFit {
+            spatial,
+            angular,
+            additive,
+            skipped_interreflection: self.option(Self::double)?,
+            on_node: self.double()?,
+            warnings: self.many(Self::text)?,
+        })
     }
 
     fn error(&mut self) -> Option<LevelError> {
@@ -350,6 +361,7 @@ mod tests {
             spatial: vec![vec![[1.0; 3]; 4]],
             angular: vec![vec![[0.5, 0.6, 0.7]; 9]],
             additive: None,
+            skipped_interreflection: Some(0.001),
             on_node: 0.012_345_678_901_234_5,
             warnings: vec!["rough".into(), String::new()],
         };
@@ -361,8 +373,12 @@ mod tests {
             Artifact::Lobes(vec![vec![lobe(0.1), lobe(0.2)], vec![lobe(0.3), lobe(0.4)]]),
             Artifact::Choice(Choice::fixed(sizes)),
             Artifact::Choice(chosen),
-            Artifact::Fine(FineTables { direct: table(0), interreflection: None }),
-            Artifact::Fine(FineTables { direct: table(0), interreflection: Some(light) }),
+            Artifact::Fine(FineTables { direct: table(0), interreflection: None, skipped_interreflection: Some(1e-3) }),
+            Artifact::Fine(FineTables {
+                direct: table(0),
+                interreflection: Some(light),
+                skipped_interreflection: None,
+            }),
             Artifact::Reflectance(table(7)),
             Artifact::Fit(LevelFit { additive: Some(term), ..fit.clone() }),
             Artifact::Fit(fit),

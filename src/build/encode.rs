@@ -73,6 +73,7 @@ pub(super) fn level_of_map(index: usize, fine_size: [usize; 2], coarse: CoarseLe
             spatial: term.spatial,
             angular: term.angular,
         }),
+        skipped_interreflection: coarse.skipped_interreflection,
         error: None,
         limited_by: None,
         alternatives: coarse.alternatives.into_iter().map(alternative).collect(),

@@ -48,7 +48,7 @@ pub fn asset_text(inspected: &Inspected) -> String {
     let bytes = inspected.files.iter().map(|file| file.bytes).sum::<u64>() + inspected.document_bytes;
     let mut rows = vec![
         vec!["surface".into(), asset.name.clone()],
-        vec!["light".into(), "direct".into()],
+        vec!["light".into(), asset.light.name().into()],
         vec!["size".into(), format!("{w} × {h} m, {}", boundary.as_str().unwrap_or_default())],
         vec![
             "source".into(),
@@ -79,6 +79,12 @@ fn level_rows(inspected: &Inspected, level: &SurfaceLevel) -> Vec<Vec<String>> {
         vec!["  bytes".into(), format!("{total}: {}", parts.join(", "))],
         vec!["  error".into(), error],
     ];
+    if let Some(term) = &level.additive {
+        rows.push(vec!["  additive".into(), format!("N {}", term.directions)]);
+    }
+    if let Some(bound) = level.skipped_interreflection {
+        rows.push(vec!["  interreflection".into(), format!("skipped, below {:.2} % of F", 100.0 * bound)]);
+    }
     if let Some(limit) = &level.limited_by {
         rows.push(vec!["  limited by".into(), limit.clone()]);
     }
@@ -102,6 +108,8 @@ pub fn asset_json(inspected: &Inspected) -> String {
             "rank": level.spatial.len(),
             "bytes": inspected.parts(level),
             "error": level.error,
+            "additive": level.additive.as_ref().map(|term| json!({ "N": term.directions })),
+            "skipped_interreflection": level.skipped_interreflection,
             "limited_by": level.limited_by,
             "stages": inspected.record(level).map(|record| &record.stages),
         })

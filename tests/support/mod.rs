@@ -5,11 +5,14 @@ use std::collections::BTreeMap;
 
 use farfield::build::encode::{base_brdf, boundary, decoded, surface_level};
 use farfield::build::level_error::{Reference, measure};
-use farfield::geometry::{Boundary, HeightField, SurfacePoint};
+use farfield::geometry::{Boundary, HeightField, HeightTracer, SurfacePoint};
 use farfield::material::{Brdf, Conductor};
 use farfield::math::rng::Stream;
 use farfield::prefilter::surface::{CoarseLevel, FineSurface, LevelSettings, LightTransport, compile};
+use farfield::transport::PatchSampling;
+use farfield::transport::effective::for_each_point;
 use formats::asset::{LevelError, Light, Source, SurfaceAsset, SurfaceLevel};
+use formats::level_brdf::{LevelBrdf, LevelHit};
 use formats::lookup;
 use glam::Vec3;
 
@@ -145,6 +148,28 @@ pub(crate) fn asset(fine: &FineSurface, levels: Vec<SurfaceLevel>) -> SurfaceAss
 pub(crate) fn through_bytes(fine: &FineSurface, coarse: CoarseLevel) -> SurfaceAsset {
     let files = asset(fine, vec![surface_level(1, &fine.heights, coarse)]).encode().unwrap();
     decoded(&files).unwrap()
+}
+
+/// What the first level of `asset` reflects from `wi` to `wo`, mean over the map, RGB, both cosines included; exact casts
+/// from the centres of `strata²` parts of it.
+pub(crate) fn level_reflectance(asset: &SurfaceAsset, [wi, wo]: [Vec3; 2], strata: usize) -> [f64; 3] {
+    let level = &asset.levels[0];
+    let spacing = [0, 1].map(|k| (asset.size[k] / level.cells[k] as f64) as f32);
+    let coarse = HeightField::new(level.heights.clone(), level.cells, spacing, Boundary::Repeat);
+    let tracer = HeightTracer::new(&coarse);
+    let brdf = LevelBrdf::new(asset, level);
+    let mut sum = [0.0; 3];
+    for_each_point(&tracer, &PatchSampling::of_grid([1, 1], 0, strata, 3), &[wi, wo], |point| {
+        if point.sees(1) {
+            let hit = LevelHit { x: point.uv.map(|x| x as f32), n_c: point.normal.to_array(), tilt: [0.0; 2] };
+            let shown = point.shown_area(wo);
+            let lit = if point.sees(0) { point.normal.dot(wi) } else { 0.0 };
+            let f = brdf.at(&hit, wo.to_array()).eval(wi.to_array());
+            let additive = brdf.additive_at(&hit, wo.to_array()).map_or([0.0; 3], |term| term.eval(wi.to_array()));
+            (0..3).for_each(|c| sum[c] += f64::from(shown * (f[c] * lit + additive[c] * wi.z)));
+        }
+    });
+    sum.map(|x| x / (strata * strata) as f64)
 }
 
 /// The measured error of the first level of `asset`.

@@ -89,6 +89,7 @@ fn decode_level(level: &LevelDocument, fetch: &mut Fetch<'_>) -> Result<SurfaceL
             spatial: Vec::new(),
             angular: Vec::new(),
         }),
+        skipped_interreflection: level.skipped_interreflection,
         error: level.error,
         limited_by: level.limited_by.clone(),
         alternatives: level.alternatives.clone(),

@@ -65,6 +65,8 @@ pub(super) struct LevelDocument {
     rank: usize,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     additive: Option<AdditiveDocument>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) skipped_interreflection: Option<f64>,
     pub(super) error: Option<LevelError>,
     pub(super) limited_by: Option<String>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -209,6 +211,7 @@ impl LevelDocument {
             directions: level.directions,
             rank: level.spatial.len(),
             additive: level.additive.as_ref().map(|term| AdditiveDocument { directions: term.directions }),
+            skipped_interreflection: level.skipped_interreflection,
             error: level.error,
             limited_by: level.limited_by.clone(),
             alternatives: level.alternatives.clone(),
@@ -244,6 +247,9 @@ impl LevelDocument {
         within(key("rank"), self.rank, 1, MAX_RANK)?;
         if let Some(term) = &self.additive {
             within(key("additive.N"), term.directions, 1, MAX_DIRECTIONS)?;
+        }
+        if let Some(bound) = self.skipped_interreflection {
+            within(key("skipped_interreflection"), bound, 0.0, 1.0)?;
         }
         for (name, figure) in self.error.iter().flat_map(LevelError::figures) {
             within(key(name), figure.value, -MAX_FIGURE, MAX_FIGURE)?;

@@ -131,6 +131,8 @@ pub struct SurfaceLevel {
     pub angular: Vec<Vec<[f32; 3]>>,
     /// Light that the relief reflects within itself before it leaves, where the tables hold any.
     pub additive: Option<AdditiveTerm>,
+    /// Bound of what leaving interreflection out costs the relative error, where it was left out because that is little.
+    pub skipped_interreflection: Option<f64>,
     /// Measured error, if it was measured.
     pub error: Option<LevelError>,
     /// What kept the level from its target, if anything.

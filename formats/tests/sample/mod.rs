@@ -132,6 +132,7 @@ impl Sample {
             directions: self.directions,
             angular,
             additive,
+            skipped_interreflection: None,
             error: None,
             limited_by: Some("model".into()),
             alternatives: Vec::new(),

@@ -5,7 +5,9 @@ use super::choice::{Choice, TableSizes, choose};
 use super::coarse::{CoarseSurface, coarse_reflectance};
 use super::fine::SortedSurface;
 use super::fit::{Factors, error_below_75, fit_scaling, full_table, node_error};
-use super::interreflection::{Interreflection, NOISE_SHARE, PathSettings, interreflection};
+use super::interreflection::{
+    Interreflection, NOISE_SHARE, PathSettings, ReflectionBound, SKIPPED_SHARE, interreflection, relative_bound,
+};
 use super::reflectance::{PatchReflectance, TableDirections};
 use super::{
     AdditiveTerm, CoarseLevel, FineSurface, LARGEST_STORED, LevelSettings, LightTransport, VmfLobe, cell_colors,
@@ -17,7 +19,7 @@ use crate::material::{Brdf, ggx_gaussians};
 /// Compiles one level: the stages below in their order, which `build` runs one by one.
 ///
 /// The stages, named to `on_stage` as they begin: `downsample`, `lobes`, `choose` where M, N or rank are to be chosen,
-/// `group`, `visibility`, `fine`, `interreflect` unless the light is direct, `smooth`, `coarse`, `fit`. From `group` to
+/// `group`, `visibility`, `fine`, `interreflect` unless the light is direct or a bound shows that there is next to none, `smooth`, `coarse`, `fit`. From `group` to
 /// `coarse` they are left out where the tables that the choice was made on serve as they are, and `smooth` after a choice.
 pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn FnMut(&'static str)) -> CoarseLevel {
     let parts = Parts::new(fine, settings, on_stage);
@@ -104,6 +106,8 @@ pub struct FineTables {
     pub direct: PatchReflectance,
     /// Of light reflected twice or more, on the directions of E, where the level holds it.
     pub interreflection: Option<Interreflection>,
+    /// Bound of what ε loses where the level was to hold it, and it is left out.
+    pub skipped_interreflection: Option<f64>,
 }
 
 /// F of the fine surface on tables of the chosen sizes.
@@ -114,19 +118,22 @@ pub fn fine_tables(
     on_stage: &mut dyn FnMut(&'static str),
 ) -> FineTables {
     if let Some([f_fine, _]) = &choice.tables {
-        return FineTables { direct: f_fine.clone(), interreflection: None };
+        return FineTables { direct: f_fine.clone(), interreflection: None, skipped_interreflection: None };
     }
     let TableSizes { patches, directions, .. } = choice.sizes;
     let directions = TableDirections::new(directions);
     let sorted = SortedSurface::new(fine, patches, &directions, on_stage);
     let direct = sorted.direct(&directions, on_stage);
-    let interreflection = (settings.light != LightTransport::Direct).then(|| {
+    let wanted = settings.light != LightTransport::Direct;
+    let bound = ReflectionBound::new(fine).filter(|_| wanted).map(|bound| relative_bound(&bound, &direct, &directions));
+    let skipped_interreflection = bound.filter(|bound| *bound <= SKIPPED_SHARE * settings.error);
+    let interreflection = (wanted && skipped_interreflection.is_none()).then(|| {
         on_stage("interreflect");
         let directions = TableDirections::new(additive::directions_of(&fine.brdf));
         let paths = PathSettings { noise: NOISE_SHARE * settings.error, seed: settings.seed };
         interreflection(fine, &sorted, &direct, patches, &directions, paths)
     });
-    FineTables { direct, interreflection }
+    FineTables { direct, interreflection, skipped_interreflection }
 }
 
 /// The heights of a level: those of `surface`, or smoother ones where they fold.
@@ -167,6 +174,8 @@ pub struct LevelFit {
     pub angular: Vec<Vec<[f32; 3]>>,
     /// Interreflection, where the light holds any.
     pub additive: Option<AdditiveTerm>,
+    /// Bound of what ε lost because interreflection was left out, where the light was to hold it.
+    pub skipped_interreflection: Option<f64>,
     /// ε below 75° of the fit at the nodes of S; F of interreflection is interpolated to them.
     pub on_node: f64,
     /// Warnings for the user, one line each.
@@ -182,7 +191,7 @@ pub fn fit_level(
     error: f64,
     brdf: &Brdf,
 ) -> LevelFit {
-    let FineTables { direct, interreflection } = f_fine;
+    let FineTables { direct, interreflection, skipped_interreflection } = f_fine;
     let directions = TableDirections::new(sizes.directions);
     let mut factors = fit_scaling(direct, f_coarse, &directions, sizes.rank);
     let spatial = factors.stored_spatial(f_coarse, sizes.patches, heights.boundary());
@@ -198,6 +207,7 @@ pub fn fit_level(
         spatial,
         on_node,
         additive: fitted.map(|fitted| fitted.term),
+        skipped_interreflection: *skipped_interreflection,
         warnings: scaling_warning(&factors.angular, direct, &directions).into_iter().chain(noise).collect(),
         angular: factors.angular.iter().map(|s| full_table(s, directions.len())).collect(),
     }
@@ -230,7 +240,7 @@ impl CoarseLevel {
         fit: LevelFit,
     ) -> Self {
         let Choice { sizes, predicted, alternatives, .. } = choice;
-        let LevelFit { spatial, angular, additive, on_node, warnings } = fit;
+        let LevelFit { spatial, angular, additive, skipped_interreflection, on_node, warnings } = fit;
         Self {
             heights,
             lobes,
@@ -240,6 +250,7 @@ impl CoarseLevel {
             directions: sizes.directions,
             angular,
             additive,
+            skipped_interreflection,
             on_node,
             predicted,
             alternatives,

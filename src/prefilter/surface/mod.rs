@@ -27,7 +27,7 @@ use crate::geometry::HeightField;
 use crate::material::Brdf;
 use additive::AdditiveTerm;
 use fine::SortedSurface;
-pub use interreflection::Interreflection;
+pub use interreflection::{Interreflection, ReflectionBound};
 use interreflection::{NOISE_SHARE, PathSettings, interreflection};
 use reflectance::{PatchReflectance, TableDirections};
 
@@ -115,6 +115,8 @@ pub struct CoarseLevel {
     pub angular: Vec<Vec<[f32; 3]>>,
     /// Interreflection, where the light holds any.
     pub additive: Option<AdditiveTerm>,
+    /// Bound of what ε lost because interreflection was left out, where the light was to hold it.
+    pub skipped_interreflection: Option<f64>,
     /// ε below 75° of the fit at the nodes of S; F of interreflection is interpolated to them.
     pub on_node: f64,
     /// ε below 75° that was predicted when the tables' sizes were chosen; `None` where nothing was.
