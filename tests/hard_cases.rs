@@ -237,6 +237,9 @@ fn interreflection_survives_hard_surfaces() {
         Case::new("baked: GGX 0.02", rough(4.0)).base(ggx(0.02)),
         Case::new("baked: GGX 1", rough(4.0)).base(ggx(1.0)),
     ];
+    // `global` has the same tables: that it passes the asset is enough
+    let small = [Case::new("global: checkerboard", checkers()), Case::new("global: white cliffs", cliffs())];
+    run_all(small.map(|case| case.with(|s| s.light = LightTransport::Global)));
     run_all(cases.map(|case| case.with(|s| s.light = LightTransport::Baked)));
 }
 

@@ -131,13 +131,16 @@ impl<'a> DisplacedPlane<'a> {
     ///
     /// The relief itself does not count: the half-line starts above it. Without a large shape nothing else is there.
     pub fn occluded_above_relief(&self, from: &PlaneHit, direction: Vec3, t_max: f64) -> bool {
-        if self.large.is_none() {
-            return false;
-        }
+        self.intersect_above_relief(from, direction).is_some_and(|hit| hit.t < t_max)
+    }
+
+    /// Where the half-line that starts above the tile's relief at `from` meets what stands around it.
+    pub fn intersect_above_relief(&self, from: &PlaneHit, direction: Vec3) -> Option<PlaneHit> {
+        self.large?;
         let lift = self.range[1] - from.facet.gap(from.position);
         let margin = SLAB_MARGIN * (self.range[1] - self.range[0] + from.position.z.abs());
         let origin = from.position + DVec3::Z * (lift.max(0.0) + margin);
-        self.intersect(&Ray { origin, direction }).is_some_and(|hit| hit.t < t_max)
+        self.intersect(&Ray { origin, direction })
     }
 
     /// Where a ray meets what is displaced: the large shape, or a plane halfway up the tile. The facet and the distance.

@@ -4,9 +4,10 @@
 //! weighted by the power heuristic (Veach 1997). `Direct` stops after the first hit's light, `Path` goes on along the
 //! BRDF's direction with Russian roulette. An area light ends the paths that meet its front; it reflects nothing.
 //!
-//! A level's additive term is a second BRDF of its first hit, that of the base plane: it has the same light sample and a
+//! A level's additive term is a second BRDF of its hits, that of the base plane: it has the same light sample and a
 //! direction of its own, and shadow rays that start above the relief. Only what comes from outside of the relief meets
-//! it: later hits of a path are inside.
+//! it: a path that has stayed inside comes from below the horizon of the base, where term and f_low are 0. On a large
+//! shape `Path` goes on along either BRDF.
 
 use std::ops::Range;
 
@@ -68,6 +69,12 @@ pub fn render(scene: &Scene<'_>, settings: &RenderSettings, samples: Range<u64>,
     });
 }
 
+/// Share of paths on a large shape that go on along the additive term: it brings less than f_low but on white walls.
+const ADDITIVE_SHARE: f32 = 0.25;
+
+/// First group of numbers of the additive term, beyond those of any path.
+const ADDITIVE_GROUPS: u32 = 1 << 15;
+
 /// One path under way.
 struct Path<'s, 'a> {
     scene: &'s Scene<'a>,
@@ -121,21 +128,21 @@ impl<'s, 'a> Path<'s, 'a> {
                 break;
             }
             let shading = level.shading.at(&hit, size, wo);
-            let additive = (bounce == 0).then(|| level.shading.additive_at(&hit, size, wo)).flatten();
+            let additive = level.shading.additive_at(&hit, size, wo);
             let vertex = Vertex { hit, shading, additive, world: self.scene.point_in_world(hit.position) };
             let [a, b, choice, survive] = self.sampler.four(2 * bounce + 1);
             let [c, d, e, f] = self.sampler.four(2 * bounce + 2);
             sum += throughput * self.light_sample(level, &vertex, choice, [a, b]);
             if let Some(additive) = &vertex.additive {
                 // one of the camera's four numbers is left
-                let [.., g] = self.sampler.four(0);
-                sum += self.light_along_additive(level, &vertex, additive, [f, g]);
+                let u = if bounce == 0 { [f, self.sampler.four(0)[3]] } else { [f, self.above_relief(bounce)[0]] };
+                sum += throughput * self.light_along_additive(level, &vertex, additive, u);
             }
             if self.settings.integrator == Integrator::Direct {
                 sum += throughput * self.light_along_brdf(level, &vertex, [c, d, e]);
                 break;
             }
-            let Some(next) = self.next_bounce(level, &vertex, [c, d, e]) else { break };
+            let Some(next) = self.next_hit(level, &vertex, bounce, [c, d, e]) else { break };
             throughput *= next.weight;
             sum += throughput * next.emitted;
             let Some(again) = next.hit else { break };
@@ -149,6 +156,44 @@ impl<'s, 'a> Path<'s, 'a> {
             (hit, wo) = (again, -next.wi);
         }
         sum
+    }
+
+    /// Numbers of the additive term at a bounce, beside those of all others.
+    fn above_relief(&self, bounce: u32) -> [f32; 4] {
+        self.sampler.four(ADDITIVE_GROUPS + bounce)
+    }
+
+    /// Where the path goes on: along f_low, or along the additive term where anything but the relief can be met.
+    fn next_hit(&self, level: &RenderLevel<'_>, vertex: &Vertex<'_>, bounce: u32, u: [f32; 3]) -> Option<Next> {
+        let Some(additive) = vertex.additive.as_ref().filter(|_| level.plane.large().is_some()) else {
+            return self.next_bounce(level, vertex, u);
+        };
+        let [_, a, b, choice] = self.above_relief(bounce);
+        let (next, share) = if choice < ADDITIVE_SHARE {
+            (self.next_above_relief(level, vertex, additive, [a, b])?, ADDITIVE_SHARE)
+        } else {
+            (self.next_bounce(level, vertex, u)?, 1.0 - ADDITIVE_SHARE)
+        };
+        Some(Next { weight: next.weight / share, ..next })
+    }
+
+    /// A direction of the additive term, and what of the surface it meets: lights are [`Self::light_along_additive`]'s.
+    fn next_above_relief(
+        &self,
+        level: &RenderLevel<'_>,
+        vertex: &Vertex<'_>,
+        additive: &BoundAdditive<'_>,
+        u: [f32; 2],
+    ) -> Option<Next> {
+        let sample = additive.sample(u)?;
+        let wi = Vec3::from(sample.wi);
+        let hit = level.plane.intersect_above_relief(&vertex.hit, wi)?;
+        let (distance, seen) = self.scene.lights.met(vertex.world, direction_in_world(wi));
+        if seen != [0.0; 3] && distance < hit.t {
+            return None;
+        }
+        let weight = Vec3::from(sample.f) * (Vec3::from(additive.normal()).dot(wi) / sample.pdf);
+        Some(Next { wi, weight, emitted: Vec3::ZERO, hit: Some(hit) })
     }
 
     /// A direction of the BRDF at `vertex`, the light that it meets and where it goes on.

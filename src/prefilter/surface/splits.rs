@@ -9,17 +9,21 @@ use crate::geometry::HeightField;
 use crate::math::rng::Stream;
 use rayon::prelude::*;
 
-/// Texels steeper than this somewhere, in area of surface per area of base, are split: 72°, which flat maps do not reach.
-const STEEP: f32 = 3.2;
+/// Texels steeper than this somewhere, in area of surface per area of base, are split: 80°, which 0.5 % of twill reaches.
+const STEEP: f32 = 6.0;
 
 /// Texels whose slope changes by more than this from one edge to the other are split.
-const BENT: f32 = 1.5;
+const BENT: f32 = 1.8;
 
 /// Parts for a bend of 1, and four times as many for twice the bend: slopes change by half from part to part.
 const PARTS_A_BEND: f32 = 4.0;
 
 /// A texel has at most 2 to this many parts.
 const MOST_HALVINGS: u32 = 6;
+
+/// Parts for every texel of a map that are worth their cost; below, every texel stands for itself. Parts would bring twill
+/// from an ε of 0.72 to 0.68 % for 1.4 CPU seconds more, and rocks from 0.62 to 0.55 % for 5; cliffs ask for 2.7 a texel.
+const LEAST_PARTS: f64 = 1.0;
 
 /// Parts that a map may have for every texel: with the bits of 225 directions they take half as many bytes again.
 const PARTS_A_TEXEL: f64 = 0.5;
@@ -74,6 +78,9 @@ impl Splits {
             .collect();
         // a map of nothing but walls has each of them in fewer parts
         let wanted: f64 = steep.iter().map(|(_, steepness)| f64::from(steepness.parts())).sum();
+        if wanted < LEAST_PARTS * texels as f64 {
+            return Self { texels, width, ..Self::default() };
+        }
         let most = (PARTS_A_TEXEL * texels as f64).max(FREE_PARTS);
         let fineness = (most / wanted.max(1.0)).min(1.0) as f32;
         let mut splits = Self { texels, width, ..Self::default() };
