@@ -32,9 +32,14 @@ pub(crate) struct Subject {
 impl Subject {
     /// Compiles `fixtures/heights/NAME.png` at these factors.
     pub(crate) fn new(name: &str, bsdf: &str, factors: &[u32]) -> Self {
+        Self::with_settings(name, bsdf, factors, "")
+    }
+
+    /// [`Subject::new`] with more lines of the manifest, such as `patches = 8`.
+    pub(crate) fn with_settings(name: &str, bsdf: &str, factors: &[u32], settings: &str) -> Self {
         let heights = heights(name);
         let text = format!(
-            "[surface.{name}]\nheight = \"{name}.png\"\nsize = [1.024, 1.024]\namplitude = 1.0\nbsdf = {bsdf}\nlevels = {factors:?}\n"
+            "[surface.{name}]\nheight = \"{name}.png\"\nsize = [1.024, 1.024]\namplitude = 1.0\nbsdf = {bsdf}\nlevels = {factors:?}\n{settings}\n"
         );
         let manifest = Manifest::parse(&text).unwrap_or_else(|mistakes| panic!("{mistakes:?}"));
         let spec = &manifest.surfaces[0];

@@ -12,7 +12,7 @@ use crate::material::{Brdf, ggx_gaussians};
 use crate::prefilter::surface::{CoarseLevel, LightTransport};
 
 /// Raised when the compiler writes other bytes for the same input and settings.
-pub const SURFACE_VERSION: &str = "3";
+pub const SURFACE_VERSION: &str = "4";
 
 /// The asset of `spec` with the given levels: no time, path, thread count or host is in it.
 pub fn surface_asset(spec: &SurfaceSpec, input: &Input, levels: Vec<SurfaceLevel>) -> SurfaceAsset {

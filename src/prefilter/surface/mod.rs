@@ -5,6 +5,7 @@ pub mod coarse;
 pub mod downsample;
 pub mod fine;
 pub mod fit;
+mod interpolant;
 mod interreflection;
 pub mod lobes;
 pub mod published;
@@ -89,7 +90,7 @@ pub struct CoarseLevel {
     pub directions: usize,
     /// S, `[rank][wo][wi]`, N² × N² directions, RGB.
     pub angular: Vec<Vec<[f32; 3]>>,
-    /// ε below 75° of the fit at the nodes of its own tables.
+    /// ε below 75° of the fit at the nodes of its own tables, before S is made right between them.
     pub on_node: f64,
     /// Warnings for the user, one line each.
     pub warnings: Vec<String>,
@@ -127,7 +128,8 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
     let (factors, spatial) = (1..=settings.rank)
         .rev()
         .map(|rank| {
-            let factors = fit_scaling(&f_fine, &f_coarse, &directions, rank);
+            let mut factors = fit_scaling(&f_fine, &f_coarse, &directions, rank);
+            interpolant::fit_between_nodes(&mut factors.angular, &f_coarse, &directions);
             let spatial = stored_spatial(&factors.spatial, patches, heights.boundary());
             (factors, spatial)
         })
