@@ -6,13 +6,14 @@
 //! least squares with the weight F_coarse², which is that of ε. No F is computed for that: F of either surface is smooth
 //! enough to be had from a cubic (Catmull-Rom) through its table, and R is their ratio.
 //!
-//! ε off the nodes in %, below 75° and from 75° to 82°, nodes right → interpolant right (N = 15, M = 1, 128 random directions,
-//! the tables' own estimators): twill 8×, GGX 0.3 0.66 → 0.49, 3.1 → 2.3; twill 16×, GGX 0.1 3.9 → 3.1, 19 → 13; silk 16×,
+//! ε off the nodes in %, below 75° and from 75° to 82°, nodes right → interpolant right (nodes free to rise, N = 15, M = 1, 128
+//! random directions, the tables' own estimators): twill 8×, GGX 0.3 0.66 → 0.49, 3.1 → 2.3; twill 16×, GGX 0.1 3.9 → 3.1, 19 → 13; silk 16×,
 //! GGX 0.3 1.7 → 1.2, 16 → 5.4; silk 16×, GGX 0.1 7.4 → 6.3, 16.6 → 14.5 (bias −7.8 → −1.0); bump 8×, GGX 0.3 1.3 → 1.1,
 //! 6.3 → 5.6; fbm 8×, GGX 0.3 0.10 → 0.07, 0.6 → 0.3.
 
 use rayon::prelude::*;
 
+use super::LARGEST_STORED;
 use super::fit::{PRIOR, full_table};
 use super::reflectance::{PatchReflectance, TableDirections, pair};
 
@@ -28,6 +29,12 @@ const SWEEPS: usize = 4;
 /// How far the cubic may lie below the linear interpolant, and above, as a part of it: past that it has overshot.
 const BELOW: f32 = 0.5;
 const ABOVE: f32 = 1.0;
+
+/// The most that a node may rise: dark pairs beside bright ones would be brightened for the sake of these.
+///
+/// Light and viewer both at 70° to 82°, about: relative error of F, root mean square, with nodes right, any rise and this one:
+/// twill 8×, GGX 0.1 0.20, 0.35, 0.22; twill 16× 0.29, 0.40, 0.30; silk 16× 0.35, 0.57, 0.38. ε loses nothing by it.
+const RISE: f32 = 1.1;
 
 /// Moves the nodes of `angular`, `[rank][pair]`, to where their interpolants are closest to what they say of R.
 pub(super) fn fit_between_nodes(
@@ -138,6 +145,7 @@ impl<'a> Places<'a> {
         let rows = self.axis.places() * self.axis.places();
         let of_place = |o: usize| o * rows..(o + 1) * rows;
         let total = self.gathered(&|o, out| out.copy_from_slice(&self.weight[of_place(o)]));
+        let limits: Vec<f32> = start.iter().map(|s| (RISE * s.abs()).min(LARGEST_STORED)).collect();
         let mut s = start;
         for _ in 0..SWEEPS {
             let step = self.gathered(&|o, out| {
@@ -145,9 +153,9 @@ impl<'a> Places<'a> {
                 let known = self.ratio[of_place(o)].iter().zip(&self.weight[of_place(o)]);
                 out.iter_mut().zip(known).for_each(|(s, (ratio, weight))| *s = weight * (ratio - *s));
             });
-            for ((s, step), total) in s.iter_mut().zip(step).zip(&total) {
-                let moved = *s + step / total.max(f32::MIN_POSITIVE);
-                *s = if may_be_negative { moved } else { moved.max(0.0) };
+            for (((s, step), total), limit) in s.iter_mut().zip(step).zip(&total).zip(&limits) {
+                let least = if may_be_negative { -limit } else { 0.0 };
+                *s = (*s + step / total.max(f32::MIN_POSITIVE)).clamp(least, *limit);
             }
         }
         s
@@ -321,11 +329,11 @@ mod tests {
     }
 
     #[test]
-    fn no_node_becomes_negative_or_infinite() {
-        let spike = table(|x| if x == [3.0; 4] { 50.0 } else { 0.01 });
+    fn no_node_becomes_negative_or_more_than_can_be_stored() {
+        let spike = table(|x| if x == [3.0; 4] { LARGEST_STORED } else { 0.01 * x[0] });
         let dark = table(|[a, ..]| if a < 3.0 { f32::MIN_POSITIVE } else { 1.0 });
         for coarse in [table(|_| 1.0), dark, table(|_| f32::MIN_POSITIVE)] {
-            assert!(fitted(&spike, &coarse).iter().all(|s| (0.0..=100.0).contains(s)));
+            assert!(fitted(&spike, &coarse).iter().all(|s| (0.0..=LARGEST_STORED).contains(s)));
         }
     }
 
