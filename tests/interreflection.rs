@@ -224,7 +224,7 @@ fn two_coloured_grooves_keep_their_colour_under_a_moving_light() {
     let [warm, cold] = [[1.0, 0.5, 0.25], [0.25, 0.5, 1.0]];
     let side = |k: usize| if (k % 256) as f32 % (2.0 * WALL) < WALL { warm } else { cold };
     fine.color = Some((0..256 * 32).map(side).collect());
-    let mut asset = through_bytes(&fine, compiled(&fine, &LevelSettings { factor: 4.0, patches: 1, ..baked() }));
+    let mut asset = through_bytes(&fine, compiled(&fine, &LevelSettings { factor: 4.0, patches: Some(1), ..baked() }));
     asset.light = formats::asset::Light::Baked;
     let share = |f: [f64; 3]| f.map(|x| x / f.iter().sum::<f64>());
     let (mut worst, mut shift) = (0.0_f64, [1.0_f64, 0.0]);
@@ -269,7 +269,7 @@ fn the_bound_of_interreflection_is_one_and_lets_it_be_skipped() {
     for (slope, skipped) in [(0.01, true), (0.2, false)] {
         let heights = field([64, 64], [1.0; 2], Boundary::Repeat, |i, _| slope * (i as f32 - 32.0).abs());
         let fine = FineSurface { heights, brdf: diffuse(0.5), color: None };
-        let level = compiled(&fine, &LevelSettings { directions: 7, patches: 1, ..baked() });
+        let level = compiled(&fine, &LevelSettings { directions: Some(7), patches: Some(1), ..baked() });
         assert_eq!((level.skipped_interreflection.is_some(), level.additive.is_none()), (skipped, skipped));
     }
 }

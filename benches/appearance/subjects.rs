@@ -33,10 +33,15 @@ pub(crate) struct Subject {
 impl Subject {
     /// Compiles `fixtures/heights/NAME.png` at these factors.
     pub(crate) fn new(name: &str, bsdf: &str, factors: &[u32]) -> Self {
+        Self::with_patches(name, bsdf, factors, 4)
+    }
+
+    /// [`Subject::new`] with another M.
+    pub(crate) fn with_patches(name: &str, bsdf: &str, factors: &[u32], patches: usize) -> Self {
         let heights = heights(name);
         let text = format!(
             "[surface.{name}]\nheight = \"{name}.png\"\nsize = [1.024, 1.024]\namplitude = 1.0\nbsdf = {bsdf}\nlevels = {factors:?}\n\
-             patches = 4\ndirections = 15\nrank = 1\n"
+             patches = {patches}\ndirections = 15\nrank = 1\n"
         );
         let manifest = Manifest::parse(&text).unwrap_or_else(|mistakes| panic!("{mistakes:?}"));
         let spec = &manifest.surfaces[0];

@@ -13,7 +13,7 @@ use crate::material::{Brdf, ggx_gaussians};
 use crate::prefilter::surface::{self, CoarseLevel, LightTransport};
 
 /// Raised when the compiler writes other bytes for the same input and settings.
-pub const SURFACE_VERSION: &str = "4";
+pub const SURFACE_VERSION: &str = "5";
 
 /// The same for what interreflection adds; direct light knows nothing of it.
 pub const INTERREFLECTION_VERSION: &str = "2";

@@ -5,6 +5,7 @@ use super::choice::{Choice, TableSizes, choose};
 use super::coarse::{CoarseSurface, coarse_reflectance};
 use super::fine::SortedSurface;
 use super::fit::{Factors, error_below_75, fit_scaling, full_table, node_error};
+use super::interpolant::fit_between_nodes;
 use super::interreflection::{
     Interreflection, NOISE_SHARE, PathSettings, ReflectionBound, SKIPPED_SHARE, interreflection, relative_bound,
 };
@@ -176,7 +177,8 @@ pub struct LevelFit {
     pub additive: Option<AdditiveTerm>,
     /// Bound of what ε lost because interreflection was left out, where the light was to hold it.
     pub skipped_interreflection: Option<f64>,
-    /// ε below 75° of the fit at the nodes of S; F of interreflection is interpolated to them.
+    /// ε below 75° of the fit at the nodes of S, before S is made right between them; F of interreflection is interpolated to
+    /// them.
     pub on_node: f64,
     /// Warnings for the user, one line each.
     pub warnings: Vec<String>,
@@ -194,7 +196,6 @@ pub fn fit_level(
     let FineTables { direct, interreflection, skipped_interreflection } = f_fine;
     let directions = TableDirections::new(sizes.directions);
     let mut factors = fit_scaling(direct, f_coarse, &directions, sizes.rank);
-    let spatial = factors.stored_spatial(f_coarse, sizes.patches, heights.boundary());
     let on_node = node_error(direct, f_coarse, &directions, &factors.spatial, &factors.angular);
     let few = TableDirections::new(additive::directions_of(brdf));
     let fitted = interreflection.as_ref().map(|light| fit_additive(light, heights, sizes.patches, &few));
@@ -202,6 +203,8 @@ pub fn fit_level(
         let additive = fitted.resampled(&few, &directions);
         node_error_of_both(&factors, [direct, f_coarse], &additive, &directions)
     });
+    fit_between_nodes(&mut factors.angular, f_coarse, &directions);
+    let spatial = factors.stored_spatial(f_coarse, sizes.patches, heights.boundary());
     let noise = interreflection.as_ref().and_then(|light| noise_warning(light.noise, error));
     LevelFit {
         spatial,

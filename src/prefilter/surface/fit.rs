@@ -32,7 +32,7 @@ pub struct Factors {
     pub spatial: Vec<Vec<[f32; 3]>>,
     /// S, `[rank][pair]`, RGB.
     pub angular: Vec<Vec<[f32; 3]>>,
-    /// ε of the fit at the table's own nodes, both directions below 75°.
+    /// ε of the factors at the table's own nodes, both directions below 75°.
     pub on_node: f64,
 }
 

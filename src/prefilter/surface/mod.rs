@@ -8,6 +8,7 @@ mod compile;
 pub mod downsample;
 pub mod fine;
 pub mod fit;
+mod interpolant;
 mod interreflection;
 pub mod lobes;
 pub mod published;
@@ -117,7 +118,8 @@ pub struct CoarseLevel {
     pub additive: Option<AdditiveTerm>,
     /// Bound of what ε lost because interreflection was left out, where the light was to hold it.
     pub skipped_interreflection: Option<f64>,
-    /// ε below 75° of the fit at the nodes of S; F of interreflection is interpolated to them.
+    /// ε below 75° of the fit at the nodes of S, before S is made right between them; F of interreflection is interpolated to
+    /// them.
     pub on_node: f64,
     /// ε below 75° that was predicted when the tables' sizes were chosen; `None` where nothing was.
     pub predicted: Option<f64>,

@@ -17,6 +17,7 @@
 //! ```
 
 use super::super::FineSurface;
+use super::super::fit::error_below_75;
 use super::super::reflectance::TableDirections;
 use crate::geometry::HeightField;
 use std::f32::consts::FRAC_1_PI;
@@ -76,6 +77,7 @@ pub(in super::super) fn relative_bound(
 ) -> f64 {
     let w = &directions.vectors;
     let most = super::PatchReflectance::from_fn(1, w.len(), |_, c, i, o| bound.between(w[i], w[o])[c]);
-    let [most, direct] = [&most, direct].map(|f| super::super::fit::mean_square(f, directions).sqrt());
-    if direct > 0.0 { most / direct } else { 0.0 }
+    error_below_75(direct.patch_count(), directions, |patch, channel, k| {
+        [most.channel(0, channel)[k], direct.channel(patch, channel)[k]]
+    })
 }
