@@ -357,7 +357,7 @@ impl Build<'_> {
         for id in graph.ids().filter(|id| graph.node(*id).place.asset == index && graph.state(*id).is_finished()) {
             let node = graph.node(id);
             let Some((_, fields)) = &node.key else { continue };
-            let action = action_name(&*node.step, node.place.level, node.is_goal);
+            let action = action_name(&node.step, node.place.level, node.is_goal);
             if graph.state(id) == State::Done {
                 ran += 1;
                 let reasons = explain::reasons(old.get(&action), fields, node.why);

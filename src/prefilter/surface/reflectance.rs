@@ -112,7 +112,7 @@ impl PatchReflectance {
 
     /// The table of these values, `[patch][rgb][pair]`; `None` where they are not whole patches.
     pub fn from_values(values: Vec<f32>, pairs: usize) -> Option<Self> {
-        (pairs > 0 && !values.is_empty() && values.len() % (3 * pairs) == 0).then_some(Self { values, pairs })
+        (pairs > 0 && !values.is_empty() && values.len().is_multiple_of(3 * pairs)).then_some(Self { values, pairs })
     }
 
     /// All values, `[patch][rgb][pair]`.
