@@ -15,7 +15,7 @@ use formats::lookup::direction_grid;
 use glam::Vec3;
 use support::{COS_75, at, compiled, diffuse, fixture, through_bytes, towards};
 
-/// Directions of light per axis of the square: no multiple of the tables' 7 and 15.
+/// Directions of light per axis of the square: no multiple of the tables' 11 and 15.
 const LIGHTS: usize = 16;
 
 /// Points per axis of the map.

@@ -121,7 +121,7 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
     let directions = TableDirections::new(settings.directions);
     let sorted = SortedSurface::new(fine, patches, &directions, on_stage);
     let f_fine = sorted.direct(&directions, on_stage);
-    let additive_directions = TableDirections::new(additive::directions_of(&fine.brdf));
+    let additive_directions = TableDirections::new(additive::DIRECTIONS);
     let wanted = settings.light == LightTransport::Baked;
     let bound = ReflectionBound::new(fine).filter(|_| wanted).map(|bound| relative_bound(&bound, &f_fine, &directions));
     let skipped_interreflection = bound.filter(|bound| *bound <= SKIPPED_SHARE * settings.error);
