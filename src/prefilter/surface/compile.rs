@@ -130,7 +130,7 @@ pub fn fine_tables(
     let skipped_interreflection = bound.filter(|bound| *bound <= SKIPPED_SHARE * settings.error);
     let interreflection = (wanted && skipped_interreflection.is_none()).then(|| {
         on_stage("interreflect");
-        let directions = TableDirections::new(additive::directions_of(&fine.brdf));
+        let directions = TableDirections::new(additive::DIRECTIONS);
         let paths = PathSettings { noise: NOISE_SHARE * settings.error, seed: settings.seed };
         interreflection(fine, &sorted, &direct, patches, &directions, paths)
     });
@@ -197,7 +197,7 @@ pub fn fit_level(
     let directions = TableDirections::new(sizes.directions);
     let mut factors = fit_scaling(direct, f_coarse, &directions, sizes.rank);
     let on_node = node_error(direct, f_coarse, &directions, &factors.spatial, &factors.angular);
-    let few = TableDirections::new(additive::directions_of(brdf));
+    let few = TableDirections::new(additive::DIRECTIONS);
     let fitted = interreflection.as_ref().map(|light| fit_additive(light, heights, sizes.patches, &few));
     let on_node = fitted.as_ref().map_or(on_node, |fitted| {
         let additive = fitted.resampled(&few, &directions);
