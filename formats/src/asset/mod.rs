@@ -3,11 +3,11 @@
 //! [`SurfaceAsset::encode`] gives the bytes of every file, [`SurfaceAsset::read`] and [`SurfaceAsset::decode`] take
 //! them apart again and refuse whatever is not exactly as written, [`SurfaceLevel::f_low`] is what it all stands for.
 
-mod decode;
-mod document;
+pub(crate) mod decode;
+pub(crate) mod document;
 mod encode;
 mod evaluate;
-mod folder;
+pub(crate) mod folder;
 mod payload;
 
 pub use folder::PayloadFile;
