@@ -29,9 +29,11 @@ mod error;
 mod ktx2;
 pub mod level_brdf;
 pub mod lookup;
+pub mod sggx;
 
 pub use asset::SurfaceAsset;
 pub use cell_brdf::{BaseBrdf, CellBrdf, Lobe, Specular};
 pub use error::Error;
 pub use level_brdf::LevelBrdf;
 pub use lookup::Boundary;
+pub use sggx::{FlakeLobe, Sggx};
