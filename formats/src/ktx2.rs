@@ -229,12 +229,7 @@ pub(crate) fn max_file_length(format: TexelFormat, size: impl Into<Extent>) -> u
 ///
 /// Memory grows with what is really decompressed and ends at the expected size, whatever the file claims. The `ktx2`
 /// crate reads header and level index; its `Reader` is not used since a descriptor byte of 255 makes it panic.
-pub(crate) fn read(
-    path: &str,
-    bytes: &[u8],
-    format: TexelFormat,
-    size: impl Into<Extent>,
-) -> Result<Texels, Error> {
+pub(crate) fn read(path: &str, bytes: &[u8], format: TexelFormat, size: impl Into<Extent>) -> Result<Texels, Error> {
     let size = size.into();
     let fail = |place: &str, wanted: String, found: String| Error::malformed(path, place, wanted, found);
     let front = bytes.get(..Header::LENGTH + LevelIndex::LENGTH).ok_or_else(|| {

@@ -30,6 +30,8 @@ mod ktx2;
 pub mod level_brdf;
 pub mod lookup;
 pub mod sggx;
+pub mod symmetric;
+pub mod volume;
 
 pub use asset::SurfaceAsset;
 pub use cell_brdf::{BaseBrdf, CellBrdf, Lobe, Specular};
@@ -37,3 +39,4 @@ pub use error::Error;
 pub use level_brdf::LevelBrdf;
 pub use lookup::Boundary;
 pub use sggx::{FlakeLobe, Sggx};
+pub use volume::{VolumeAsset, VolumeLevel};

@@ -19,6 +19,17 @@ pub(super) struct Bricks {
     pub(super) atlas: [usize; 3],
 }
 
+/// A voxel of a brick that is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct StoredVoxel {
+    /// Index of its brick over the level.
+    pub(super) brick: usize,
+    /// Index of the voxel in the level.
+    pub(super) voxel: usize,
+    /// Index of its texel in the atlas.
+    pub(super) texel: usize,
+}
+
 /// Bricks along each axis that cover `size` voxels.
 pub(super) fn bricks_over(size: [usize; 3]) -> [usize; 3] {
     size.map(|n| n.div_ceil(BRICK))
@@ -74,8 +85,8 @@ impl Bricks {
         Some(self.texel([corner[0] + x % BRICK, corner[1] + y % BRICK, corner[2] + z % BRICK]))
     }
 
-    /// The voxels of the level, in the order of bricks: (index in the level, texel of the atlas); rising within a brick.
-    pub(super) fn voxels(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+    /// The voxels of the level that have a texel, brick by brick, rising within a brick.
+    pub(super) fn voxels(&self) -> impl Iterator<Item = StoredVoxel> + '_ {
         let over = bricks_over(self.size);
         let stored = self.index.iter().enumerate().filter(|(_, slot)| **slot > 0);
         stored.flat_map(move |(brick, slot)| {
@@ -86,7 +97,8 @@ impl Bricks {
                 let at = [from[0] + i, from[1] + j, from[2] + k];
                 let lies_inside = (0..3).all(|axis| at[axis] < self.size[axis]);
                 let voxel = (at[2] * self.size[1] + at[1]) * self.size[0] + at[0];
-                lies_inside.then(|| (voxel, self.texel([corner[0] + i, corner[1] + j, corner[2] + k])))
+                let texel = || self.texel([corner[0] + i, corner[1] + j, corner[2] + k]);
+                lies_inside.then(|| StoredVoxel { brick, voxel, texel: texel() })
             })
         })
     }
@@ -126,8 +138,8 @@ mod tests {
         let occupied: Vec<u32> = (0..19 * 8 * 11).filter(|i| i % 19 < 3 || i % 97 == 0 && i / 19 / 8 < 8).collect();
         let bricks = Bricks::of(size, &occupied);
         assert_eq!(Bricks::from_index(size, bricks.index.clone(), bricks.count), Ok(bricks.clone()));
-        let mut texels: Vec<usize> = bricks.voxels().map(|(_, texel)| texel).collect();
-        assert!(bricks.voxels().all(|(voxel, texel)| bricks.texel_of(voxel) == Some(texel)));
+        let mut texels: Vec<usize> = bricks.voxels().map(|stored| stored.texel).collect();
+        assert!(bricks.voxels().all(|stored| bricks.texel_of(stored.voxel) == Some(stored.texel)));
         assert!(occupied.iter().all(|&voxel| bricks.texel_of(voxel as usize).is_some()));
         texels.sort_unstable();
         texels.dedup();

@@ -20,6 +20,10 @@ use std::collections::BTreeMap;
 pub const MAX_VOXELS: usize = 2048;
 /// Most lobes of a voxel.
 pub const MAX_VOLUME_LOBES: usize = 8;
+/// The number that stands for the largest density of a level: halves keep 11 bits from there down to 2e-9 of it.
+pub const MAX_STORED_DENSITY: f32 = 32768.0;
+/// Most bricks that a level stores: 2^28 voxels, a GiB of memory a texture.
+pub const MAX_BRICKS: usize = 1 << 19;
 /// Voxels of a brick along one axis.
 pub const BRICK: usize = bricks::BRICK;
 
