@@ -18,7 +18,12 @@ impl Eigen {
         let [xx, yy, zz, xy, xz, yz] = matrix;
         let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
         let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let scale = xx.abs().max(yy.abs()).max(zz.abs());
         for _ in 0..SWEEPS {
+            // Smaller than the square of a rounding error turns nothing.
+            if a[0][1].abs().max(a[0][2].abs()).max(a[1][2].abs()) <= f64::EPSILON * f64::EPSILON * scale {
+                break;
+            }
             for (p, q) in [(0, 1), (0, 2), (1, 2)] {
                 rotate(&mut a, &mut v, p, q);
             }

@@ -15,9 +15,10 @@ mod plan;
 pub mod record;
 mod run;
 pub mod stage;
+pub mod volume;
 
 pub use input::{Input, InputError};
-pub use manifest::{Manifest, Mistake, SceneSpec, SurfaceSpec};
+pub use manifest::{Manifest, Mistake, SceneSpec, SurfaceSpec, VolumeSpec};
 pub use models::{Model, ModelData};
 pub use plan::{Plan, PlanError, ScenePlan};
 pub use record::{LevelRecord, StageSeconds};

@@ -9,7 +9,7 @@ use super::clock::{StageClock, peak_bytes};
 use super::encode::{self, surface_asset, surface_level};
 use super::level_error::{Reference, measure};
 use super::record::{self, LevelRecord, StageSeconds};
-use super::{Input, Plan, SurfaceSpec, input};
+use super::{Input, Plan, SurfaceSpec, input, volume};
 use crate::io::publish::Publisher;
 use crate::prefilter::surface::compile;
 
@@ -77,6 +77,11 @@ pub fn build(plan: &Plan, out: &Path, publisher: &Publisher, on_event: &mut dyn 
                 on_event(Event::Failed { name, text: &text });
             }
         }
+    }
+    for spec in &plan.volumes {
+        let (name, text) = (spec.name.as_str(), volume::refusal(spec, &plan.folder));
+        outcome.failed += 1;
+        on_event(Event::Failed { name, text: &text });
     }
     outcome
 }

@@ -37,8 +37,9 @@ pub(super) fn run(args: &BuildArgs) -> u8 {
 
 /// What would be built.
 fn dry_run(plan: &Plan, args: &BuildArgs) -> String {
-    let lines = plan.surfaces.iter().map(|surface| report::planned(surface, &args.out, args.json));
-    lines.collect()
+    let surfaces = plan.surfaces.iter().map(|surface| report::planned(surface, &args.out, args.json));
+    let volumes = plan.volumes.iter().map(|volume| report::planned_volume(volume, &args.out, args.json));
+    surfaces.chain(volumes).collect()
 }
 
 /// Builds the plan on the wanted number of threads.

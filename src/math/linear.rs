@@ -1,21 +1,11 @@
 //! Small dense linear algebra in `f64`: symmetric 3 × 3 eigenvalues, and the normal equations of a fit.
 
+use formats::symmetric::Eigen;
+
 /// Eigenvalues, rising, and unit eigenvectors of the symmetric matrix in the order xx yy zz xy xz yz.
-///
-/// Cyclic Jacobi rotations: no cancellation in small eigenvalues, unlike the roots of the characteristic polynomial.
 pub fn eigen_symmetric(s: [f64; 6]) -> ([f64; 3], [[f64; 3]; 3]) {
-    let [xx, yy, zz, xy, xz, yz] = s;
-    let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-    let mut vectors = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    // Convergence is quadratic: six sweeps leave nothing of 3 × 3.
-    for _ in 0..8 {
-        for [p, q] in [[0, 1], [0, 2], [1, 2]] {
-            rotate(&mut a, &mut vectors, p, q);
-        }
-    }
-    let mut order = [0, 1, 2];
-    order.sort_by(|&i, &j| a[i][i].total_cmp(&a[j][j]));
-    (order.map(|k| a[k][k]), order.map(|k| vectors[k]))
+    let Eigen { values: [a, b, c], vectors: [u, v, w] } = Eigen::of(s);
+    ([c, b, a], [w, v, u])
 }
 
 /// The largest eigenvalue of the symmetric matrix in the order xx yy zz xy xz yz, in closed form.
@@ -32,29 +22,6 @@ pub fn largest_eigenvalue(s: [f64; 6]) -> f64 {
     let det = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz);
     let half = (0.5 * det / (p * p * p)).clamp(-1.0, 1.0); // a cosine, but for rounding
     q + 2.0 * p * (half.acos() / 3.0).cos()
-}
-
-/// Zeroes a[p][q] by a rotation, which is applied to the rows of `vectors` too.
-fn rotate(a: &mut [[f64; 3]; 3], vectors: &mut [[f64; 3]; 3], p: usize, q: usize) {
-    if a[p][q] == 0.0 {
-        return;
-    }
-    let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-    // the smaller root; for huge theta it tends to 1/(2 theta)
-    let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-    let c = 1.0 / t.hypot(1.0);
-    let s = t * c;
-    for k in 0..3 {
-        let [x, y] = [a[k][p], a[k][q]];
-        [a[k][p], a[k][q]] = [c * x - s * y, s * x + c * y];
-    }
-    for k in 0..3 {
-        let [x, y] = [a[p][k], a[q][k]];
-        [a[p][k], a[q][k]] = [c * x - s * y, s * x + c * y];
-        let [x, y] = [vectors[p][k], vectors[q][k]];
-        [vectors[p][k], vectors[q][k]] = [c * x - s * y, s * x + c * y];
-    }
-    [a[p][q], a[q][p]] = [0.0; 2];
 }
 
 /// Solves A·x = b for a symmetric positive definite A (row-major, n × n) by Cholesky; `None` where A is not.

@@ -20,7 +20,7 @@ pub mod verify;
 
 pub use html::{CaseKey, CasePictures, ModelPictures, Pictures};
 pub use inspected::{Inspected, asset_json, asset_text};
-pub use planned::planned;
+pub use planned::{planned, planned_volume};
 pub use table::level_table;
 pub use verification::Verification;
 pub use verified::{level_json, verification_table};

@@ -149,7 +149,7 @@ fn damaged_files_are_one_line() {
         (changed(4, &[9]), "holds encoding 9; wanted encoding 1 (float32)"),
         (changed(8, &[0]), "has 0 × 4 × 3 voxels; wanted 1 to 134217728 (512³)"),
         (changed(8, &[255; 12]), "has 4294967295 × 4294967295 × 4294967295 voxels"),
-        (changed(20, &[255; 4]), "4294967295 channels; wanted 1 to 6"),
+        (changed(20, &[255; 4]), "4294967295 channels; wanted 1 to 9"),
         (changed(4, &[4]), "quantised directions with 1 channels"),
         (refusal(nan, None, &[1]), "voxel (3, 2, 1) is NaN; wanted finite values only"),
     ] {

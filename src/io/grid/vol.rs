@@ -50,8 +50,8 @@ pub(super) fn decode(file: &SourceFile) -> Result<Grid, Error> {
     Ok(Grid { size, channels, values: samples(data, sample, false), largest_code: sample.largest_code() })
 }
 
-/// Most numbers a voxel: those of a symmetric matrix.
-const MAX_CHANNELS: u32 = 6;
+/// Most numbers a voxel: those of a matrix.
+const MAX_CHANNELS: u32 = 9;
 
 /// Unit vectors of pairs of bytes: θ = π·code/255 from +z, φ = 2π·code/255 from +x.
 fn directions(data: &[u8]) -> Vec<f32> {

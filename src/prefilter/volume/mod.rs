@@ -1,0 +1,3 @@
+//! From a fine volume to a coarse one.
+
+pub mod orientation;
