@@ -5,20 +5,25 @@
 use formats::sggx::Sggx;
 use glam::Vec3;
 
-use super::frame::Frame;
 use super::warp;
 
 /// A flake normal with the density ⟨ω, m⟩ D(m)/σ(ω), from two uniform numbers in [0, 1).
 ///
 /// With S = L Lᵀ the flakes are those of the unit sphere, area vector a, mapped to L·a. What they show to ω is
-/// (L·a)·ω = a·(Lᵀω): the sphere's flakes as seen from Lᵀω, which follow the cosine. So m = L·m′/|L·m′| with m′ cosine
-/// distributed around Lᵀω. Any root of S would do; the triangular one costs least.
+/// (L·a)·ω = a·(Lᵀω): the sphere's flakes as seen from t = Lᵀω/|Lᵀω|, which follow the cosine. So m = L·m′/|L·m′| with m′
+/// cosine distributed around t, which is t + s for a uniform s of the unit sphere, but for its length. Any root of S would
+/// do; the triangular one costs least.
 #[inline]
 pub fn visible_normal(lobe: &Sggx, w: Vec3, u: [f32; 2]) -> Vec3 {
     let towards = Vec3::from(lobe.stretch_transposed(w.to_array())).normalize();
-    let on_sphere = Frame::around(towards).to_outer(warp::cosine_hemisphere(u));
+    let on_sphere = towards + warp::sphere(u);
+    // s = −t is the rim of the cosine, where all azimuths are alike.
+    let on_sphere = if on_sphere.length_squared() > MIN_SQUARED_LENGTH { on_sphere } else { towards };
     Vec3::from(lobe.stretch(on_sphere.to_array())).normalize()
 }
+
+/// |t + s|² below which rounding decides where t + s points: a chance of 3e-13.
+const MIN_SQUARED_LENGTH: f32 = 1e-12;
 
 /// Density of [`visible_normal`] at `m`, 1/sr.
 #[inline]
@@ -30,8 +35,9 @@ pub fn visible_normal_pdf(lobe: &Sggx, w: Vec3, m: Vec3) -> f32 {
 /// The direction that a flake of normal `m` reflects to `w`, both away from it, unit.
 #[inline]
 pub fn reflected(w: Vec3, m: Vec3) -> Vec3 {
-    // normalised anew: a walk of a hundred reflections would lose its length
-    (2.0 * w.dot(m) * m - w).normalize()
+    let wi = 2.0 * w.dot(m) * m - w;
+    // A step of Newton's towards unit length, which a walk of many reflections would lose; it is a rounding away.
+    wi * (1.5 - 0.5 * wi.length_squared())
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
-//! Voxels in memory: a bit says whether one is there, 24 bytes hold one of a single lobe.
+//! Voxels in memory: a bit says whether one is there, 24 bytes hold a lobe.
 
 use formats::sggx::{FlakeLobe, Sggx};
+use glam::Vec3;
 
 use crate::math::linear::largest_eigenvalue;
 
@@ -13,6 +14,9 @@ pub(super) const BLOCK: usize = 4;
 /// Largest code of a signed and of an unsigned 16-bit number.
 const SIGNED: f32 = 32_767.0;
 const UNSIGNED: f32 = 65_535.0;
+
+/// Most empty blocks around one that are counted.
+const MAX_CLEARANCE: u32 = 1 << 12;
 
 /// Headroom of a majorant over rounding: what σ and λmax may be off by in f32.
 const HEADROOM: f32 = 1.0 + 1e-5;
@@ -75,19 +79,21 @@ const UNUSED: FlakeLobe = FlakeLobe { area: 0.0, shape: Sggx::ISOTROPIC, albedo:
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Block {
     pub(super) occupied: u64,
-    pub(super) first: u32,
+    /// Of a block without any: how many blocks around it are empty, too.
+    first: u32,
     /// Least upper bound of σt in the block, per unit of length.
     pub(super) majorant: f32,
 }
 
-/// A lobe in 20 bytes.
+/// A lobe in 24 bytes, all that a flight or a reflection needs from one place in memory.
 ///
 /// The factor of S (entries of at most 1) is rounded to 3e-5: a σ of 0.01, the least that inputs have, to 0.2 %.
 #[derive(Clone, Copy, Debug)]
 struct PackedLobe {
+    /// ρφ, the lobe's flake area per volume, 1/unit.
+    density: f32,
     factor: [i16; 6],
     albedo: [u16; 3],
-    area: u16,
 }
 
 /// A grid of microflakes.
@@ -97,10 +103,10 @@ pub struct Medium {
     lobe_count: usize,
     /// Metres of the unit of length that flights are measured in: the shortest edge of a voxel.
     unit: f64,
+    /// Voxels along each axis a unit of length.
+    steps: Vec3,
     /// `[z][y][x]`.
     pub(super) blocks: Vec<Block>,
-    /// Flake area per volume of the occupied voxels, 1/unit.
-    density: Vec<f32>,
     /// `[occupied voxel][lobe]`.
     lobes: Vec<PackedLobe>,
 }
@@ -118,17 +124,19 @@ impl Medium {
         assert!(shape.size.iter().all(|&n| n > 0) && shape.voxel.iter().all(|&edge| edge > 0.0), "a grid with voxels");
         assert!((1..=MAX_LOBES).contains(&lobe_count), "one to {MAX_LOBES} lobes");
         let unit = shape.voxel.into_iter().fold(f64::INFINITY, f64::min);
-        let mut medium = Self { shape, lobe_count, unit, blocks: Vec::new(), density: Vec::new(), lobes: Vec::new() };
+        let steps = Vec3::from_array(shape.voxel.map(|edge| (unit / edge) as f32));
+        let mut medium = Self { shape, lobe_count, unit, steps, blocks: Vec::new(), lobes: Vec::new() };
         let [bx, by, bz] = shape.blocks();
         for k in 0..bx * by * bz {
             medium.push_block([k % bx, k / bx % by, k / (bx * by)], &voxel_at);
         }
+        medium.find_clearances();
         medium
     }
 
     /// Appends the block at that place, of voxels in the order of its bits.
     fn push_block(&mut self, at: [usize; 3], voxel_at: &impl Fn([usize; 3]) -> Option<Voxel>) {
-        let mut block = Block { first: self.density.len() as u32, ..Block::default() };
+        let mut block = Block { first: self.occupied() as u32, ..Block::default() };
         for bit in 0..BLOCK * BLOCK * BLOCK {
             let [x, y, z] = [at[0], at[1], at[2]].map(|k| BLOCK * k);
             let voxel = [x + bit % BLOCK, y + bit / BLOCK % BLOCK, z + bit / (BLOCK * BLOCK)];
@@ -143,6 +151,36 @@ impl Medium {
         self.blocks.push(block);
     }
 
+    /// Gives every empty block the number of empty blocks around it in all directions: the chessboard distance to the
+    /// nearest occupied one, less one; beyond the rim all is empty.
+    ///
+    /// Two sweeps over neighbours that were swept before (a distance transform).
+    fn find_clearances(&mut self) {
+        let size = self.shape.blocks().map(|n| n as i32);
+        let count = self.blocks.len();
+        let mut distance: Vec<u32> =
+            self.blocks.iter().map(|block| if block.occupied == 0 { MAX_CLEARANCE + 1 } else { 0 }).collect();
+        for backwards in [false, true] {
+            for k in 0..count {
+                let k = if backwards { count - 1 - k } else { k };
+                let at = [k as i32 % size[0], k as i32 / size[0] % size[1], k as i32 / (size[0] * size[1])];
+                // The 13 neighbours that come before, in the order of the sweep.
+                for neighbour in 0..13 {
+                    let sign = if backwards { -1 } else { 1 };
+                    let step = [neighbour % 3 - 1, neighbour / 3 % 3 - 1, neighbour / 9 - 1].map(|s| s * sign);
+                    let [x, y, z] = [0, 1, 2].map(|a| at[a] + step[a]);
+                    let inside = (0..size[0]).contains(&x) && (0..size[1]).contains(&y) && (0..size[2]).contains(&z);
+                    if inside {
+                        distance[k] = distance[k].min(distance[((z * size[1] + y) * size[0] + x) as usize] + 1);
+                    }
+                }
+            }
+        }
+        for (block, distance) in self.blocks.iter_mut().zip(distance).filter(|(block, _)| block.occupied == 0) {
+            block.first = distance - 1;
+        }
+    }
+
     /// Appends a voxel and returns the largest σt that it shows, per unit of length.
     fn push_voxel(&mut self, voxel: &Voxel) -> f32 {
         assert!(voxel.lobes().len() <= self.lobe_count, "at most {} lobes", self.lobe_count);
@@ -151,15 +189,14 @@ impl Medium {
         let largest = used.clone().flat_map(|lobe| lobe.shape.factor()).fold(0.0, |max: f32, l| max.max(l.abs()));
         let scale = largest.max(1.0);
         let first = self.lobes.len();
-        let packed = voxel.lobes[..self.lobe_count].iter().map(|lobe| PackedLobe::new(lobe, scale));
+        let unscaled = f64::from(scale) * self.unit * f64::from(voxel.density);
+        let packed = voxel.lobes[..self.lobe_count].iter().map(|lobe| PackedLobe::new(lobe, unscaled, scale));
         self.lobes.extend(packed);
-        let density = (f64::from(voxel.density) * f64::from(scale) * self.unit) as f32;
-        self.density.push(density);
-        let shown = self.lobes[first..].iter().map(PackedLobe::lobe).map(|lobe| {
-            let [xx, yy, zz, xy, xz, yz] = lobe.shape.matrix().map(f64::from);
-            lobe.area * (largest_eigenvalue([xx, yy, zz, xy, xz, yz]).sqrt() as f32)
+        let shown = self.lobes[first..].iter().map(|lobe| {
+            let [xx, yy, zz, xy, xz, yz] = lobe.shape().matrix().map(f64::from);
+            lobe.density * (largest_eigenvalue([xx, yy, zz, xy, xz, yz]).sqrt() as f32)
         });
-        HEADROOM * density * shown.sum::<f32>()
+        HEADROOM * shown.sum::<f32>()
     }
 
     /// Where the medium lies.
@@ -177,14 +214,20 @@ impl Medium {
         self.unit
     }
 
+    /// Voxels along each axis a unit of length.
+    #[inline]
+    pub(super) fn steps(&self) -> Vec3 {
+        self.steps
+    }
+
     /// Voxels that hold flakes; their indices count from 0 in an order of the medium's own.
     pub fn occupied(&self) -> usize {
-        self.density.len()
+        self.lobes.len() / self.lobe_count
     }
 
     /// Bytes of memory that the voxels take.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.blocks[..]) + size_of_val(&self.density[..]) + size_of_val(&self.lobes[..])
+        size_of_val(&self.blocks[..]) + size_of_val(&self.lobes[..])
     }
 
     /// Index of the occupied voxel at (x, y, z), if it is one.
@@ -198,22 +241,29 @@ impl Medium {
     /// What the occupied voxel of that index holds.
     pub fn voxel(&self, index: usize) -> Voxel {
         let mut lobes = [UNUSED; MAX_LOBES];
-        (0..self.lobe_count).for_each(|j| lobes[j] = self.lobe(index, j));
-        let density = (f64::from(self.density[index]) / self.unit) as f32;
-        Voxel { density, lobes, count: self.lobe_count }
+        let total: f32 = (0..self.lobe_count).map(|j| self.packed(index)[j].density).sum();
+        for (lobe, packed) in lobes.iter_mut().zip(self.packed(index)) {
+            *lobe = packed.lobe();
+            lobe.area /= total;
+        }
+        Voxel { density: (f64::from(total) / self.unit) as f32, lobes, count: self.lobe_count }
     }
 
-    /// Lobe `j` of the occupied voxel.
+    /// Lobe `j` of the occupied voxel; its `area` is ρφ, per unit of length.
     #[inline]
     pub(super) fn lobe(&self, index: usize, j: usize) -> FlakeLobe {
-        self.lobes[index * self.lobe_count + j].lobe()
+        self.packed(index)[j].lobe()
     }
 
     /// σt of the occupied voxel towards `w` (unit), per unit of length.
     #[inline]
     pub(super) fn sigma_t(&self, index: usize, w: [f32; 3]) -> f32 {
-        let lobes = &self.lobes[index * self.lobe_count..][..self.lobe_count];
-        self.density[index] * lobes.iter().map(|lobe| lobe.shown_area(w)).sum::<f32>()
+        self.packed(index).iter().map(|lobe| lobe.density * lobe.shape().projected_area(w)).sum()
+    }
+
+    #[inline]
+    fn packed(&self, index: usize) -> &[PackedLobe] {
+        &self.lobes[index * self.lobe_count..][..self.lobe_count]
     }
 
     /// This medium with other albedos: `albedo(index, lobe)` gives that of each lobe of each occupied voxel.
@@ -229,7 +279,7 @@ impl Medium {
     pub fn with_density_times(&self, factor: f32) -> Self {
         assert!(factor.is_finite() && factor > 0.0, "a factor greater than 0");
         let mut medium = self.clone();
-        medium.density.iter_mut().for_each(|density| *density *= factor);
+        medium.lobes.iter_mut().for_each(|lobe| lobe.density *= factor);
         medium.blocks.iter_mut().for_each(|block| block.majorant *= factor);
         medium
     }
@@ -250,31 +300,33 @@ impl Block {
         let here = 1 << bit;
         (self.occupied & here != 0).then(|| self.first as usize + (self.occupied & (here - 1)).count_ones() as usize)
     }
+
+    /// Empty blocks around this empty one, in all directions.
+    #[inline]
+    pub(super) fn clearance(&self) -> i32 {
+        self.first as i32
+    }
 }
 
 impl PackedLobe {
-    /// `lobe` with its factor divided by `scale`.
-    fn new(lobe: &FlakeLobe, scale: f32) -> Self {
+    /// `lobe` with its factor divided by `scale`, in a voxel of that density (1/unit).
+    fn new(lobe: &FlakeLobe, density: f64, scale: f32) -> Self {
         let mut factor = lobe.shape.factor().map(|l| (l / scale * SIGNED).round() as i16);
         // A diagonal that rounds to 0 has no inverse.
         [0, 2, 5].into_iter().for_each(|k| factor[k] = factor[k].max(1));
-        Self { factor, albedo: quantised(lobe.albedo), area: (lobe.area * UNSIGNED).round() as u16 }
+        Self { density: (density * f64::from(lobe.area)) as f32, factor, albedo: quantised(lobe.albedo) }
     }
 
+    #[inline]
     fn shape(&self) -> Sggx {
         Sggx::from_factor(self.factor.map(|l| f32::from(l) * (1.0 / SIGNED)))
     }
 
+    /// The lobe; its `area` is ρφ, per unit of length.
     #[inline]
     fn lobe(&self) -> FlakeLobe {
-        let albedo = self.albedo.map(|a| f32::from(a) / UNSIGNED);
-        FlakeLobe { area: f32::from(self.area) / UNSIGNED, shape: self.shape(), albedo }
-    }
-
-    /// φσ(w).
-    #[inline]
-    fn shown_area(&self, w: [f32; 3]) -> f32 {
-        f32::from(self.area) * (1.0 / UNSIGNED) * self.shape().projected_area(w)
+        let albedo = self.albedo.map(|a| f32::from(a) * (1.0 / UNSIGNED));
+        FlakeLobe { area: self.density, shape: self.shape(), albedo }
     }
 }
 

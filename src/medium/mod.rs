@@ -4,11 +4,12 @@
 //! flakes. A fine volume has one lobe a voxel; a prefiltered one is a `Medium` too. Frame: right-handed, along the axes of
 //! the grid, metres, the origin at the corner of voxel (0, 0, 0); an axis that repeats has no ends.
 //!
-//! A [`Place`] is a point of the grid, a flight goes from place to place: [`Medium::fly`] by delta tracking,
-//! [`Medium::transmittance`] by ratio tracking, both against the majorants of super-voxels. Directions that fly point along
-//! the flight; directions of the phase function point away from the flakes ([`formats::sggx`]).
+//! A [`Place`] is a point of the grid, a flight goes from place to place: [`Medium::fly`] and [`Medium::transmittance`] are
+//! exact; delta tracking and ratio tracking ([`Medium::fly_by_majorant`]) are there to be compared with. Directions that fly
+//! point along the flight; directions of the phase function point away from the flakes ([`formats::sggx`]).
 
 mod grid;
+mod majorant;
 mod phase;
 mod tracking;
 

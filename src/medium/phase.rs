@@ -13,7 +13,7 @@ pub struct BoundFlakes {
     count: usize,
     /// The known direction, unit, away from the flakes.
     w: Vec3,
-    /// φ_j σ_j(w).
+    /// ρφ_j σ_j(w); the density ρ cancels wherever it stands.
     shown: [f32; MAX_LOBES],
     /// Σ of `shown`.
     total: f32,

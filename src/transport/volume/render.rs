@@ -1,7 +1,7 @@
 //! Images of volumes: at every meeting one light is sampled and one direction of the phase function; what either finds is
 //! weighted by the power heuristic ([VEACH97]).
 //!
-//! Nothing in a volume is opaque: light samples are weighted by a ratio estimate of the transmittance. An area light ends the
+//! Nothing in a volume is opaque: light samples are weighted by the transmittance. An area light ends the
 //! flights that meet its front.
 
 use std::ops::Range;
@@ -94,6 +94,6 @@ fn light_sample(scene: &VolumeScene<'_>, walk: &Walk<'_>, meeting: &Meeting, dra
         return value;
     }
     let weight = if sample.is_delta { 1.0 } else { power_heuristic(sample.pdf, meeting.flakes.pdf(wi)) };
-    let transmittance = walk.transmittance(wi, sample.distance, draws);
+    let transmittance = walk.transmittance(wi, sample.distance);
     value * Vec3::from(sample.radiance) * (weight * transmittance / sample.pdf)
 }
