@@ -28,7 +28,7 @@ const HOUSE: [Room; 12] = [
     Room { path: "medium", rooms: &["math", "geometry"], crates: &["glam"], may_fail: false },
     Room {
         path: "transport",
-        rooms: &["math", "geometry", "material"],
+        rooms: &["math", "geometry", "material", "medium"],
         crates: &["glam", "rayon", "sobol_burley"],
         may_fail: false,
     },

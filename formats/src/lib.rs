@@ -2,7 +2,8 @@
 //!
 //! An asset is a folder: `asset.json` and KTX2 payloads. Each of its levels is a coarse displacement map with a BRDF
 //! f_low that reflects what the full one did; `README.md` is the specification. [`level_brdf`] evaluates and samples it at
-//! a renderer's pace. A complete reader:
+//! a renderer's pace. A [`VolumeAsset`] is the same for a cloud of microflakes, which [`sggx`] evaluates. A complete reader of
+//! surfaces:
 //!
 //! ```
 //! use farfield_formats::{Error, SurfaceAsset, lookup::direction_of};

@@ -89,6 +89,14 @@ fn a_decoded_volume_written_again_evaluates_the_same() {
 }
 
 #[test]
+fn the_first_version_still_decodes() {
+    // Written by `sample_volumes` when volumes were new; only these bytes, not the writer, are promised to stay.
+    let asset = VolumeAsset::read(std::path::Path::new("tests/data/volume_v1")).unwrap();
+    assert_eq!(asset, decode(&Sample::ROOMY.asset().encode().unwrap()).unwrap());
+    assert_eq!(VolumeAsset::files(std::path::Path::new("tests/data/volume_v1")).unwrap().len(), 8);
+}
+
+#[test]
 fn the_same_volume_gives_the_same_bytes() {
     for sample in variants() {
         assert_eq!(sample.asset().encode().unwrap(), sample.asset().encode().unwrap());

@@ -48,6 +48,13 @@ pub enum Event<'a> {
         /// One line.
         text: &'a str,
     },
+    /// A volume could not be built.
+    VolumeFailed {
+        /// Volume.
+        name: &'a str,
+        /// One line.
+        text: &'a str,
+    },
 }
 
 /// How a build ended.
@@ -55,7 +62,7 @@ pub enum Event<'a> {
 pub struct Outcome {
     /// All levels that were built.
     pub records: Vec<LevelRecord>,
-    /// Surfaces that could not be built.
+    /// Surfaces and volumes that could not be built.
     pub failed: usize,
     /// Levels above their target.
     pub missed: usize,
@@ -81,7 +88,7 @@ pub fn build(plan: &Plan, out: &Path, publisher: &Publisher, on_event: &mut dyn 
     for spec in &plan.volumes {
         let (name, text) = (spec.name.as_str(), volume::refusal(spec, &plan.folder));
         outcome.failed += 1;
-        on_event(Event::Failed { name, text: &text });
+        on_event(Event::VolumeFailed { name, text: &text });
     }
     outcome
 }

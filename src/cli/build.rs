@@ -84,7 +84,9 @@ fn compile(plan: &Plan, args: &BuildArgs) -> u8 {
 fn json_lines(event: Event<'_>) -> String {
     match event {
         Event::Built { records, .. } => records.iter().map(|record| record.to_json() + "\n").collect(),
-        Event::Failed { name, text } => format!("{}\n", serde_json::json!({ "name": name, "failed": text })),
+        Event::Failed { name, text } | Event::VolumeFailed { name, text } => {
+            format!("{}\n", serde_json::json!({ "name": name, "failed": text }))
+        }
         Event::Stage { .. } | Event::Warning { .. } => String::new(),
     }
 }

@@ -44,6 +44,7 @@ impl Progress {
             Event::Stage { name, level, levels, stage } => self.stage(name, level, levels, stage),
             Event::Warning { name, text } => self.line("warning", &format!("surface `{name}`: {text}")),
             Event::Failed { name, text } => self.line("error", &format!("surface `{name}`: {text}")),
+            Event::VolumeFailed { name, text } => self.line("error", &format!("volume `{name}`: {text}")),
             Event::Built { .. } => {}
         }
     }

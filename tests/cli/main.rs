@@ -7,3 +7,4 @@ mod manifests;
 mod project;
 mod rendering;
 mod repeatability;
+mod volumes;

@@ -226,7 +226,8 @@ fn read_sggx(fields: &mut Fields<'_, '_, '_, '_>) -> Option<SggxSpec> {
         [false, false, true] => grid::read_keys(fields, "file").map(SggxSpec::Matrices),
         _ => {
             fields.excuse_keys();
-            fields.mistake_here(|title| format!("`{title}` wanted one of `from`, `fibre` and `file`"));
+            let found = if forms.contains(&true) { "more than one" } else { "none" };
+            fields.mistake_here(|title| format!("`{title}` has {found} of `from`, `fibre` and `file`; wanted one"));
             None
         }
     }
@@ -237,6 +238,7 @@ fn read_along(fields: &mut Fields<'_, '_, '_, '_>) -> Option<AlongSpec> {
     const ALONG: &str = "the area that a fibre shows lengthwise, from 0.01 to 1, or the grid of it";
     let [along, eigenvalue] = ["along", "eigenvalue"].map(|key| fields.has(key));
     if along && eigenvalue {
+        let _ = fields.raw("along");
         fields.refuse("eigenvalue", "`eigenvalue` is the square of `along`; wanted one of them");
         return None;
     }

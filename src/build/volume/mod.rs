@@ -1,5 +1,6 @@
-//! Volumes: what a manifest entry describes, read from its files.
+//! Volumes: what a manifest entry describes, read from its files; media as levels of an asset, and back.
 
+pub mod encode;
 pub mod input;
 mod shapes;
 #[cfg(test)]

@@ -8,7 +8,9 @@ use crate::io::{Error, SourceFile};
 pub(super) fn decode(file: &SourceFile) -> Result<Grid, Error> {
     let mut pages: Pages<'_> = open(file)?;
     let mut grid: Option<Grid> = None;
-    while let Some(page) = pages.next_grey(MAX_VOXELS - grid.as_ref().map_or(0, |grid| grid.values.len() as u64))? {
+    loop {
+        let left = MAX_VOXELS - grid.as_ref().map_or(0, |grid| grid.values.len() as u64);
+        let Some(page) = pages.next_grey(left).map_err(|error| grey_wanted(file, error))? else { break };
         // Codes came as fractions: times the largest they are whole again, to a hundredth.
         let largest_code = page.bits.map(|bits| ((1u32 << bits) - 1) as f32);
         let code = |fraction: f32| largest_code.map_or(fraction, |largest| (fraction * largest).round());
@@ -25,4 +27,15 @@ pub(super) fn decode(file: &SourceFile) -> Result<Grid, Error> {
     let grid = grid.expect("a TIFF that opens has a page");
     checked_size(file, grid.size.map(|n| n as u64))?;
     Ok(grid)
+}
+
+/// Words of a volume for a page without a grey channel.
+fn grey_wanted(file: &SourceFile, error: Error) -> Error {
+    match error {
+        Error::Channel { found, .. } => {
+            let found = format!("pages with the channels {}", found.join(", "));
+            Error::Unsupported { file: file.name().into(), found, wanted: "one grey channel" }
+        }
+        error => error,
+    }
 }

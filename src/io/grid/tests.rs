@@ -192,5 +192,5 @@ fn damaged_stacks_are_one_line() {
         "{line}"
     );
     let rgb = tiff_page::<colortype::RGB8>(&[&[0; 60]], false, [5, 4]);
-    assert!(refusal(rgb, None, &[1]).contains("has the channels `R`, `G`, `B`"));
+    assert!(refusal(rgb, None, &[1]).contains("holds pages with the channels R, G, B; wanted one grey channel"));
 }
