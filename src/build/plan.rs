@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::manifest::{Manifest, closest};
+use super::manifest::{Manifest, ObjectSpec, closest};
 use super::{Mistake, SceneSpec, SurfaceSpec, VolumeSpec};
 use crate::io::SourceFile;
 
@@ -69,13 +69,15 @@ impl Plan {
     }
 }
 
-/// A scene to draw, with the surfaces in it and the folder that its paths are relative to.
+/// A scene to draw, with the surfaces and volumes in it and the folder that its paths are relative to.
 #[derive(Clone, Debug)]
 pub struct ScenePlan {
     /// The scene.
     pub scene: SceneSpec,
     /// The surfaces that its objects name, each once, in the manifest's order.
     pub surfaces: Vec<SurfaceSpec>,
+    /// The volumes that its objects name.
+    pub volumes: Vec<VolumeSpec>,
     /// The manifest's folder.
     pub folder: PathBuf,
 }
@@ -88,10 +90,17 @@ impl ScenePlan {
         let Some(index) = known.iter().position(|known| *known == name) else {
             return Err(PlanError::UnknownNames(vec![unknown_name("scene", name, &known, &file)]));
         };
-        let Manifest { mut surfaces, mut scenes, .. } = manifest;
+        let Manifest { mut surfaces, mut volumes, mut scenes } = manifest;
         let scene = scenes.swap_remove(index);
-        surfaces.retain(|surface| scene.objects.iter().any(|object| object.surface == surface.name));
-        Ok(Self { scene, surfaces, folder: folder_of(path) })
+        let is_shown = |name: &str| {
+            scene.objects.iter().any(|object| match object {
+                ObjectSpec::Surface(plane) => plane.surface == name,
+                ObjectSpec::Volume { volume } => volume == name,
+            })
+        };
+        surfaces.retain(|surface| is_shown(&surface.name));
+        volumes.retain(|volume| is_shown(&volume.name));
+        Ok(Self { scene, surfaces, volumes, folder: folder_of(path) })
     }
 }
 

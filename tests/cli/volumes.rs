@@ -2,6 +2,12 @@
 
 use std::path::Path;
 
+use farfield::build::Manifest;
+use farfield::build::volume::encode::{volume_asset, volume_level};
+use farfield::build::volume::read;
+use farfield::io::SourceFile;
+use farfield::io::heights::decode_heights;
+
 use crate::project::Project;
 
 /// The sample volume of the format's tests.
@@ -84,4 +90,64 @@ fn a_build_of_a_volume_is_refused_in_one_line_and_its_neighbours_are_built() {
         (said.code, said.stderr.as_str()),
         (2, "error: `farfield.toml` has no surface or volume `clothe`; did you mean `cloth`?\n")
     );
+}
+
+/// A project with a slab of isotropic flakes, 6 × 5 × 4 voxels, and the scene `shop` that shows it from above.
+fn slab() -> Project {
+    let project = Project::empty();
+    let words = [3u32, 6, 5, 4, 1].into_iter().flat_map(u32::to_le_bytes);
+    let header: Vec<u8> = b"VOL\x03".iter().copied().chain(words).chain([0; 24]).collect();
+    project.write("d.vol", &[&header[..], &[255; 120]].concat());
+    let mut fibres = header.clone();
+    (fibres[4], fibres[20]) = (4, 3);
+    project.write("f.vol", &[&fibres[..], &[64; 240]].concat());
+    let manifest = "[volume.slab]\ndensity = { file = \"d.vol\", scale = 300 }\nalbedo = [0.9, 0.5, 0.1]\nvoxel = 1e-3\n\
+                    sggx = { fibre = \"f.vol\", along = 0.4 }\nlevels = [2]\nrepeat = [true, true, false]\n\
+                    [scene.shop]\ncamera = { position = [0, 0.05, 0.02], target = [0, 0, 0], fov = 5 }\n\
+                    film = { width = 16, height = 12 }\nobjects = [{ volume = \"slab\" }]\n\
+                    lights = [{ type = \"constant\", radiance = [1, 1, 1] }]\n";
+    project.write("farfield.toml", manifest.as_bytes());
+    project
+}
+
+/// Mean of a channel of an image.
+fn mean(project: &Project, file: &str, channel: &str) -> f64 {
+    let source = SourceFile::read(&project.path().join(file)).unwrap();
+    let raw = decode_heights(&source, Some(channel)).unwrap();
+    raw.values.iter().map(|&value| f64::from(value)).sum::<f64>() / raw.values.len() as f64
+}
+
+#[test]
+fn a_scene_shows_a_volume_and_its_asset_looks_the_same_at_full_resolution() {
+    let project = slab();
+    let render =
+        |file: &str, more: &[&str]| project.run(&[&["render", "shop", "--spp", "64", "-o", file], more].concat());
+    let said = render("full.exr", &["--model", "full"]);
+    assert_eq!((said.code, said.stderr.as_str()), (0, ""));
+    assert!(said.stdout.starts_with("full.exr: 16 × 12, 64 samples a pixel, "), "{}", said.stdout);
+
+    let said = render("none.exr", &[]);
+    let wanted = "error: `lod/slab/asset.json`: is not there; wanted the asset of `slab`: `farfield build slab`\n";
+    assert_eq!((said.code, said.stderr.as_str()), (1, wanted));
+    let said = render("naive.exr", &["--model", "naive"]);
+    let wanted = "error: scene `shop`: shows a volume, which has no model `naive`; wanted `farfield` or `full`\n";
+    assert_eq!((said.code, said.stderr.as_str()), (2, wanted));
+
+    let text = std::fs::read_to_string(project.path().join("farfield.toml")).unwrap();
+    let spec = Manifest::parse(&text).unwrap().volumes.remove(0);
+    let input = read(&spec, project.path()).unwrap();
+    let level = volume_level(1, input.size, &input.medium());
+    std::fs::create_dir_all(project.path().join("lod/slab")).unwrap();
+    for (name, bytes) in volume_asset(&spec, &input, vec![level]).encode().unwrap() {
+        project.write(&format!("lod/slab/{name}"), &bytes);
+    }
+    let said = render("asset.exr", &[]);
+    assert_eq!((said.code, said.stderr.as_str()), (0, ""));
+    for channel in ["R", "G", "B"] {
+        let [full, asset] = ["full.exr", "asset.exr"].map(|file| mean(&project, file, channel));
+        // The same random numbers; S and density rounded to 0.3 %.
+        assert!(full > 0.05 && (asset / full - 1.0).abs() < 0.01, "{channel}: {full} {asset}");
+    }
+    let said = render("two.exr", &["--lod", "2"]);
+    assert_eq!((said.code, said.stderr.as_str()), (2, "error: `--lod` is 2; wanted 1 to 1, the levels there are\n"));
 }

@@ -12,7 +12,7 @@ mod volume;
 
 pub(crate) use fields::closest;
 pub use mistake::Mistake;
-pub use scene::{CameraSpec, Displacement, LightSpec, MAX_LIGHTS, ObjectSpec, Projection, SceneSpec};
+pub use scene::{CameraSpec, Displacement, LightSpec, MAX_LIGHTS, ObjectSpec, PlaneSpec, Projection, SceneSpec};
 pub use surface::SurfaceSpec;
 pub use volume::{AlbedoSpec, AlongSpec, DensitySpec, GridSpec, Optimizer, SggxSpec, VolumeSpec};
 
@@ -88,9 +88,9 @@ fn read_root(root: &DeTable<'_>, mistakes: &mut Mistakes<'_>) -> Manifest {
         .iter()
         .filter_map(|(name, value)| volume::read(name.get_ref(), open("volume", name, value, mistakes)?, error));
     let volume_specs = volume_specs.collect();
-    let scene_specs = scenes
-        .iter()
-        .filter_map(|(name, value)| scene::read(name.get_ref(), open("scene", name, value, mistakes)?, surfaces));
+    let scene_specs = scenes.iter().filter_map(|(name, value)| {
+        scene::read(name.get_ref(), open("scene", name, value, mistakes)?, surfaces, volumes)
+    });
     Manifest { surfaces: surface_specs, volumes: volume_specs, scenes: scene_specs.collect() }
 }
 

@@ -3,6 +3,7 @@
 pub mod encode;
 pub mod input;
 mod shapes;
+pub mod stage;
 #[cfg(test)]
 mod tests;
 
