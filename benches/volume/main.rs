@@ -7,6 +7,7 @@
 mod vol;
 
 mod fit;
+mod test;
 mod tracking;
 
 use vol::{SCENES, Scene};
@@ -22,5 +23,8 @@ fn main() {
     }
     if ["all", "fit"].contains(&part) {
         fit::run(&scenes, &folder);
+    }
+    if ["all", "test"].contains(&part) {
+        test::run(&scenes, &folder);
     }
 }
