@@ -6,6 +6,8 @@
 #[path = "../../tests/support/vol.rs"]
 mod vol;
 
+mod fit;
+mod test;
 mod tracking;
 
 use vol::{SCENES, Scene};
@@ -18,5 +20,11 @@ fn main() {
     let scenes: Vec<Scene> = SCENES.iter().filter(is_wanted).copied().collect();
     if ["all", "tracking"].contains(&part) {
         tracking::run(&scenes, &folder);
+    }
+    if ["all", "fit"].contains(&part) {
+        fit::run(&scenes, &folder);
+    }
+    if ["all", "test"].contains(&part) {
+        test::run(&scenes, &folder);
     }
 }

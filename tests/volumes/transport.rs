@@ -11,7 +11,7 @@ use farfield::transport::render::{Integrator, RenderSettings};
 use farfield::transport::sampler::Sampling;
 use farfield::transport::scene::Lod;
 use farfield::transport::volume::render::render;
-use farfield::transport::volume::{VolumeLevel, VolumeObject, VolumeScene};
+use farfield::transport::volume::{Backdrop, VolumeLevel, VolumeObject, VolumeScene};
 use glam::{DVec3, Vec3};
 
 use crate::scenes::{VOXEL, crossed, slab, tangle};
@@ -112,7 +112,7 @@ fn scene<'a>(medium: &'a Medium, towards: DVec3, lights: Vec<Light>, pixels: usi
     let projection = Projection::Orthographic { width: 2.0 * VOXEL };
     let camera = Camera::look_at(towards * 1e-2, DVec3::ZERO, DVec3::new(0.3, 0.5, 0.8), projection, [pixels; 2]);
     let volume = VolumeObject::new(vec![VolumeLevel { factor: 1.0, medium }], VOXEL);
-    VolumeScene { camera: camera.unwrap(), lights: Lights::new(lights), volume }
+    VolumeScene { camera: camera.unwrap(), lights: Lights::new(lights), volume, backdrop: Backdrop::Lights }
 }
 
 fn settings(integrator: Integrator) -> RenderSettings {

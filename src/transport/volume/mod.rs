@@ -11,4 +11,4 @@ pub mod render;
 pub mod scene;
 pub mod walk;
 
-pub use scene::{VolumeLevel, VolumeObject, VolumeScene};
+pub use scene::{Backdrop, VolumeLevel, VolumeObject, VolumeScene};

@@ -9,7 +9,7 @@ use std::ops::Range;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::scene::VolumeScene;
+use super::scene::{Backdrop, VolumeScene};
 use super::walk::{Meeting, Walk};
 use crate::math::rng::{Draws, Stream};
 use crate::transport::film::Film;
@@ -46,38 +46,44 @@ fn radiance(scene: &VolumeScene<'_>, settings: &RenderSettings, at: [usize; 2], 
     let mut draws = Draws::new(Stream::new(settings.seed, index * SAMPLES_A_PIXEL + sample));
     let ray = scene.camera_ray(at[0] as f64 + f64::from(dx), at[1] as f64 + f64::from(dy));
     let medium = scene.volume.level(&ray, settings.lod, level_u);
-    let Some(mut walk) = Walk::enter(medium, ray.origin, ray.direction) else {
-        let world = scene.point_in_world(ray.origin);
-        return scene.lights.emitted(world, direction_in_world(ray.direction_f32()), f64::INFINITY).into();
-    };
-    // Lights between the camera and the grid.
-    let before = (walk.point - ray.origin).length();
-    let origin = scene.point_in_world(ray.origin);
-    let seen = Vec3::from(scene.lights.emitted(origin, direction_in_world(walk.direction), before));
-    if seen != Vec3::ZERO {
-        return seen;
-    }
+    let entered = Walk::enter(medium, ray.origin, ray.direction);
+    // Lights between the camera and the grid, or behind where it would have been.
+    let before = entered.as_ref().map_or(f64::INFINITY, |walk| (walk.point - ray.origin).length());
+    let (origin, along) = (scene.point_in_world(ray.origin), direction_in_world(ray.direction_f32()));
+    let seen = backdrop(scene, scene.lights.emitted(origin, along, before).into());
+    let Some(walk) = entered.filter(|_| seen == Vec3::ZERO) else { return seen };
+    scattered(scene, settings, walk, &mut draws)
+}
+
+/// What a camera ray sees of lights.
+fn backdrop(scene: &VolumeScene<'_>, seen: Vec3) -> Vec3 {
+    if scene.backdrop == Backdrop::Lights { seen } else { Vec3::ZERO }
+}
+
+/// Radiance that comes back along a walk that begins at the camera.
+fn scattered(scene: &VolumeScene<'_>, settings: &RenderSettings, mut walk: Walk<'_>, draws: &mut Draws) -> Vec3 {
     let mut sum = Vec3::ZERO;
     // Density of the flight's direction; none for the camera's, which no light sample could have found.
     let mut pdf = None;
     for bounce in 0.. {
         let from = walk.point;
-        let meeting = walk.fly(&mut draws);
+        let meeting = walk.fly(draws);
         let reach = meeting.map_or(f64::INFINITY, |meeting| meeting.distance);
         let (world, along) = (scene.point_in_world(from), direction_in_world(walk.direction));
         let emitted = Vec3::from(scene.lights.emitted(world, along, reach));
         if emitted != Vec3::ZERO {
-            let weight = pdf.map_or(1.0, |pdf| power_heuristic(pdf, scene.lights.pdf(world, along)));
+            let Some(pdf) = pdf else { return backdrop(scene, emitted) };
+            let weight = power_heuristic(pdf, scene.lights.pdf(world, along));
             return sum + walk.throughput * emitted * weight;
         }
         let Some(meeting) = meeting else { break };
         if bounce == 1 && settings.integrator == Integrator::Direct {
             break;
         }
-        sum += walk.throughput * light_sample(scene, &walk, &meeting, &mut draws);
-        walk.scatter(&meeting, &mut draws);
+        sum += walk.throughput * light_sample(scene, &walk, &meeting, draws);
+        walk.scatter(&meeting, draws);
         pdf = Some(meeting.flakes.pdf(walk.direction));
-        if !walk.survives(&mut draws) {
+        if !walk.survives(draws) {
             break;
         }
     }

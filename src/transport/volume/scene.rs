@@ -16,6 +16,18 @@ pub struct VolumeScene<'a> {
     pub lights: Lights,
     /// The volume, around the origin.
     pub volume: VolumeObject<'a>,
+    /// What camera rays see that meet no flakes.
+    pub backdrop: Backdrop,
+}
+
+/// What is seen behind and through a volume.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Backdrop {
+    /// The lights themselves.
+    #[default]
+    Lights,
+    /// Nothing: an image is the volume's own light.
+    Black,
 }
 
 /// A volume at one or more levels of detail.

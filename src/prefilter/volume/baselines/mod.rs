@@ -1,0 +1,3 @@
+//! What levels are compared with.
+
+pub mod naive;
