@@ -9,7 +9,9 @@ use super::clock::{StageClock, peak_bytes};
 use super::encode::{self, surface_asset, surface_level};
 use super::level_error::{Reference, measure};
 use super::record::{self, LevelRecord, StageSeconds};
-use super::{Input, Plan, SurfaceSpec, input, volume};
+use super::volume::VolumeRecord;
+use super::volume::run::build_volume;
+use super::{Input, Plan, SurfaceSpec, input};
 use crate::io::publish::Publisher;
 use crate::prefilter::surface::compile;
 
@@ -48,6 +50,20 @@ pub enum Event<'a> {
         /// One line.
         text: &'a str,
     },
+    /// Something the user should know about a volume that is usable.
+    VolumeWarning {
+        /// Volume.
+        name: &'a str,
+        /// One line.
+        text: &'a str,
+    },
+    /// A volume is published.
+    VolumeBuilt {
+        /// Volume.
+        name: &'a str,
+        /// Its levels.
+        records: &'a [VolumeRecord],
+    },
     /// A volume could not be built.
     VolumeFailed {
         /// Volume.
@@ -60,15 +76,17 @@ pub enum Event<'a> {
 /// How a build ended.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
-    /// All levels that were built.
+    /// All levels of surfaces that were built.
     pub records: Vec<LevelRecord>,
+    /// All levels of volumes that were built.
+    pub volumes: Vec<VolumeRecord>,
     /// Surfaces and volumes that could not be built.
     pub failed: usize,
     /// Levels above their target.
     pub missed: usize,
 }
 
-/// Builds all surfaces of `plan` into `out`. One that fails does not stop the others.
+/// Builds all surfaces and volumes of `plan` into `out`. One that fails does not stop the others.
 pub fn build(plan: &Plan, out: &Path, publisher: &Publisher, on_event: &mut dyn FnMut(Event<'_>)) -> Outcome {
     let mut outcome = Outcome::default();
     for spec in &plan.surfaces {
@@ -86,9 +104,18 @@ pub fn build(plan: &Plan, out: &Path, publisher: &Publisher, on_event: &mut dyn 
         }
     }
     for spec in &plan.volumes {
-        let (name, text) = (spec.name.as_str(), volume::refusal(spec, &plan.folder));
-        outcome.failed += 1;
-        on_event(Event::VolumeFailed { name, text: &text });
+        let name = spec.name.as_str();
+        match build_volume(spec, &plan.folder, out, publisher, on_event) {
+            Ok(records) => {
+                on_event(Event::VolumeBuilt { name, records: &records });
+                outcome.missed += records.iter().filter(|record| record.missed()).count();
+                outcome.volumes.extend(records);
+            }
+            Err(text) => {
+                outcome.failed += 1;
+                on_event(Event::VolumeFailed { name, text: &text });
+            }
+        }
     }
     outcome
 }

@@ -76,6 +76,7 @@ fn compile(plan: &Plan, args: &BuildArgs) -> u8 {
     progress.finish();
     if !args.json {
         print(&report::level_table(&outcome.records));
+        print(&report::volume_table(&outcome.volumes));
     }
     exit_code(&outcome, args.strict)
 }
@@ -87,7 +88,8 @@ fn json_lines(event: Event<'_>) -> String {
         Event::Failed { name, text } | Event::VolumeFailed { name, text } => {
             format!("{}\n", serde_json::json!({ "name": name, "failed": text }))
         }
-        Event::Stage { .. } | Event::Warning { .. } => String::new(),
+        Event::VolumeBuilt { records, .. } => records.iter().map(|record| record.to_json() + "\n").collect(),
+        Event::Stage { .. } | Event::Warning { .. } | Event::VolumeWarning { .. } => String::new(),
     }
 }
 

@@ -45,7 +45,8 @@ impl Progress {
             Event::Warning { name, text } => self.line("warning", &format!("surface `{name}`: {text}")),
             Event::Failed { name, text } => self.line("error", &format!("surface `{name}`: {text}")),
             Event::VolumeFailed { name, text } => self.line("error", &format!("volume `{name}`: {text}")),
-            Event::Built { .. } => {}
+            Event::VolumeWarning { name, text } => self.line("warning", &format!("volume `{name}`: {text}")),
+            Event::Built { .. } | Event::VolumeBuilt { .. } => {}
         }
     }
 

@@ -23,6 +23,6 @@ pub use html::{CaseKey, CasePictures, ModelPictures, Pictures};
 pub use inspected::{Inspected, asset_json, asset_text};
 pub use inspected_volume::{InspectedVolume, volume_json, volume_text};
 pub use planned::{planned, planned_volume};
-pub use table::level_table;
+pub use table::{level_table, volume_table};
 pub use verification::Verification;
 pub use verified::{level_json, verification_table};

@@ -13,7 +13,7 @@ use super::input;
 use crate::medium::Medium;
 use crate::transport::camera::Camera;
 use crate::transport::light::Lights;
-use crate::transport::volume::{VolumeLevel, VolumeObject, VolumeScene};
+use crate::transport::volume::{Backdrop, VolumeLevel, VolumeObject, VolumeScene};
 
 /// What a scene with a volume is made of; [`VolumeStage::scene`] lends it to the renderer.
 #[derive(Debug)]
@@ -78,6 +78,7 @@ impl VolumeStage {
             camera: self.camera,
             lights: self.lights.clone(),
             volume: VolumeObject::new(levels.collect(), self.voxel),
+            backdrop: Backdrop::Lights,
         }
     }
 }
@@ -110,5 +111,8 @@ fn read_levels(spec: &VolumeSpec, out: &Path) -> Result<Vec<StagedLevel>, StageE
         factor: mean_edge(level.factor),
         medium: medium_of(&asset, level),
     };
-    Ok(asset.levels.iter().map(level).collect())
+    let mut levels: Vec<StagedLevel> = asset.levels.iter().map(level).collect();
+    // A tiny volume ends before its last factor does.
+    levels.dedup_by(|coarse, fine| coarse.factor <= fine.factor);
+    Ok(levels)
 }
