@@ -90,7 +90,8 @@ fn settings(spec: &VolumeSpec, input: &VolumeInput) -> serde_json::Value {
         }
     };
     let albedo = match &spec.albedo {
-        AlbedoSpec::Constant(rgb) => json!(rgb),
+        // As the manifest has them, not as the nearest single's digits in double.
+        AlbedoSpec::Constant(rgb) => json!(rgb.map(|a| a.to_string().parse::<f64>().unwrap_or(f64::from(a)))),
         AlbedoSpec::Grid(_) => json!("grid"),
     };
     let optimizer = match spec.optimizer {
