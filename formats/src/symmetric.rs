@@ -59,10 +59,9 @@ fn rotate(a: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) {
         let [x, y] = [row[p], row[q]];
         [row[p], row[q]] = [c * x - s * y, s * x + c * y];
     }
-    for k in 0..3 {
-        let [x, y] = [a[p][k], a[q][k]];
-        [a[p][k], a[q][k]] = [c * x - s * y, s * x + c * y];
-    }
+    let [x, y] = [a[p], a[q]];
+    a[p] = std::array::from_fn(|k| c * x[k] - s * y[k]);
+    a[q] = std::array::from_fn(|k| s * x[k] + c * y[k]);
     [a[p][q], a[q][p]] = [0.0; 2];
 }
 

@@ -70,8 +70,8 @@ pub(super) fn run(args: &RenderArgs) -> u8 {
 
 /// What a scene shows.
 enum Shown {
-    Surface(Stage),
-    Volume(VolumeStage),
+    Surface(Box<Stage>),
+    Volume(Box<VolumeStage>),
 }
 
 impl Shown {
@@ -79,8 +79,10 @@ impl Shown {
     fn read(plan: &ScenePlan, args: &RenderArgs) -> Result<Self, StageError> {
         let model = model(args.model);
         match plan.scene.objects.first() {
-            Some(ObjectSpec::Volume { .. }) => VolumeStage::read(plan, model, &args.out).map(Self::Volume),
-            _ => Stage::read(plan, model, &args.out).map(Self::Surface),
+            Some(ObjectSpec::Volume { .. }) => {
+                VolumeStage::read(plan, model, &args.out).map(|stage| Self::Volume(Box::new(stage)))
+            }
+            _ => Stage::read(plan, model, &args.out).map(|stage| Self::Surface(Box::new(stage))),
         }
     }
 
@@ -88,13 +90,6 @@ impl Shown {
         match self {
             Self::Surface(stage) => &stage.warnings,
             Self::Volume(stage) => &stage.warnings,
-        }
-    }
-
-    fn film(&self) -> [usize; 2] {
-        match self {
-            Self::Surface(stage) => stage.film(),
-            Self::Volume(stage) => stage.film(),
         }
     }
 
