@@ -20,6 +20,7 @@ pub(crate) fn run(scenes: &[Scene], folder: &Path) {
                 (Optimizer::StochasticGradient, Density::Average),
                 (Optimizer::LevenbergMarquardt, Density::Factor),
                 (Optimizer::LevenbergMarquardt, Density::Transmittance),
+                (Optimizer::LevenbergMarquardt, Density::Auto),
             ] {
                 let settings = VolumeSettings { factor, optimizer, density, ..VolumeSettings::default() };
                 let start = ProcessTime::now();

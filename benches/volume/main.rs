@@ -1,12 +1,14 @@
 //! Volumes: paths a second, what majorants of super-voxels gain, and how well coarse levels are fitted.
 //!
-//! `cargo bench --bench volume [-- tracking|fit|test [SCENE…]]`. Needs the synthetic scenes (`FARFIELD_VOLUMES`, or beside the
+//! `cargo bench --bench volume [-- tracking|fit|optimizers|test|published [SCENE…]]`; the last only if asked for, it takes hours. Needs the synthetic scenes (`FARFIELD_VOLUMES`, or beside the
 //! project).
 
 #[path = "../../tests/support/vol.rs"]
 mod vol;
 
 mod fit;
+mod optimizers;
+mod published;
 mod test;
 mod tracking;
 
@@ -23,6 +25,12 @@ fn main() {
     }
     if ["all", "fit"].contains(&part) {
         fit::run(&scenes, &folder);
+    }
+    if ["all", "optimizers"].contains(&part) {
+        optimizers::run(&scenes, &folder);
+    }
+    if part == "published" {
+        published::run(&scenes, &folder);
     }
     if ["all", "test"].contains(&part) {
         test::run(&scenes, &folder);

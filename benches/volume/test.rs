@@ -47,6 +47,7 @@ pub(crate) fn run(scenes: &[Scene], folder: &Path) {
                 ("weights", Optimizer::LevenbergMarquardt, Density::Average),
                 ("factor", Optimizer::LevenbergMarquardt, Density::Factor),
                 ("transmittance", Optimizer::LevenbergMarquardt, Density::Transmittance),
+                ("auto", Optimizer::LevenbergMarquardt, Density::Auto),
             ] {
                 let errors = errors(&images(&level(optimizer, density), 2), &reference);
                 let cells = |k: usize| errors.iter().map(|e| format!("{:>6.1}", 100.0 * e[k])).collect::<String>();

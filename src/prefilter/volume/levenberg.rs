@@ -31,8 +31,6 @@ const CONVERGED: f64 = 1e-6;
 pub struct Fit {
     /// The logarithms of the weights.
     pub unknowns: Vec<f64>,
-    /// Σ residual², without the pull.
-    pub objective: f64,
     /// Eigenvalues of JᵀJ there, rising: directions that the data says nothing of are near 0.
     pub eigenvalues: Vec<f64>,
     /// Steps taken.
@@ -73,9 +71,8 @@ pub fn minimise(start: &[f64], radius: f64, linearise: impl Fn(&[f64]) -> Linear
             break;
         }
     }
-    let objective = here.residuals.iter().map(|r| r * r).sum();
     let eigenvalues = eigenvalues(&normal_matrix(&here), unknowns.len());
-    Fit { unknowns, objective, eigenvalues, steps }
+    Fit { unknowns, eigenvalues, steps }
 }
 
 /// JᵀJ, row-major.

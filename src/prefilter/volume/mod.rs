@@ -33,12 +33,14 @@ use crate::medium::Medium;
 /// How the density of a level is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Density {
+    /// Whichever of the others errs least in unseen views and lights.
+    #[default]
+    Auto,
     /// The average, (3.6).
     Average,
     /// The average times one factor, which is fitted with the weights.
     Factor,
     /// The density whose transmittance through a voxel is the mean of that through its footprint, times a fitted factor.
-    #[default]
     Transmittance,
 }
 
@@ -104,8 +106,8 @@ pub fn compile(fine: &Medium, settings: &VolumeSettings) -> CoarseVolume {
         return CoarseVolume { medium: average, clusters, weights: ones, prototypes, diagnostics };
     }
     let problem = Problem::new(fine, &average, clusters, settings.walks, settings.seed);
-    let candidates = candidates(fine, &average, &prototypes, settings);
-    let (medium, weights, diagnostics) = problem.best(&candidates, settings.optimizer);
+    let families = families(fine, &average, &prototypes, settings);
+    let (medium, weights, diagnostics) = problem.best(&families, settings.optimizer);
     CoarseVolume { medium, clusters: problem.into_clusters(), weights, prototypes, diagnostics }
 }
 
@@ -113,19 +115,22 @@ pub fn compile(fine: &Medium, settings: &VolumeSettings) -> CoarseVolume {
 const FACTORS: [f32; 5] = [1.0, 0.8, 0.64, 0.51, 0.41];
 
 /// Media with the densities that may be chosen from, and the factors that they were thinned by.
-fn candidates(
+fn families(
     fine: &Medium,
     average: &Medium,
     prototypes: &Prototypes,
     settings: &VolumeSettings,
-) -> Vec<(Medium, f32)> {
-    let base = match settings.density {
-        Density::Average => return vec![(average.clone(), 1.0)],
-        Density::Factor => average.clone(),
-        Density::Transmittance => {
-            let kept = thinning::kept_density(fine, average);
-            coarsen::coarsen(fine, settings.factor, &prototypes.shapes, |at| kept(at))
-        }
+) -> Vec<Vec<(Medium, f32)>> {
+    let thinned = |base: &Medium| FACTORS.iter().map(|&factor| (base.with_density_times(factor), factor)).collect();
+    let transmitting = || {
+        let kept = thinning::kept_density(fine, average);
+        coarsen::coarsen(fine, settings.factor, &prototypes.shapes, kept)
     };
-    FACTORS.iter().map(|&factor| (base.with_density_times(factor), factor)).collect()
+    let plain = || vec![(average.clone(), 1.0)];
+    match settings.density {
+        Density::Average => vec![plain()],
+        Density::Factor => vec![thinned(average)],
+        Density::Transmittance => vec![thinned(&transmitting())],
+        Density::Auto => vec![plain(), thinned(average), thinned(&transmitting())],
+    }
 }

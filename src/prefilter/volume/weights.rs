@@ -54,12 +54,12 @@ impl Weights {
         weights
     }
 
-    /// min(1, albedo·w_kj·s_k), and whether each channel is below 1.
+    /// min(1, albedo·w_kj·s_k), and whether each channel moves with the weights: at 1 it does, if only downwards.
     #[inline]
     pub fn albedo(&self, cluster: usize, lobe: usize, albedo: [f32; 3]) -> ([f64; 3], [bool; 3]) {
         let scaled: [f64; 3] =
             std::array::from_fn(|c| f64::from(albedo[c]) * self.factors[cluster][lobe] * self.colours[cluster][c]);
-        (scaled.map(|a| a.min(1.0)), scaled.map(|a| a < 1.0))
+        (scaled.map(|a| a.min(1.0)), scaled.map(|a| a <= 1.0))
     }
 
     /// `coarse` with these weights in its albedos.
