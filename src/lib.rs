@@ -5,6 +5,7 @@
 //! - [`math`]: random numbers, von Mises-Fisher statistics, vector kernels
 //! - [`geometry`]: height fields and exact rays against them
 //! - [`material`]: base BRDFs and their spherical-Gaussian forms
+//! - [`medium`]: grids of microflakes, flights through them, phase functions
 //! - [`transport`]: effective BRDFs of a patch by exact ray casts
 //! - [`prefilter`]: one fine level in, one coarse level out
 //! - [`io`]: every byte in or out
@@ -18,6 +19,7 @@ pub mod geometry;
 pub mod io;
 pub mod material;
 pub mod math;
+pub mod medium;
 pub mod prefilter;
 pub mod report;
 pub mod transport;

@@ -20,14 +20,15 @@ struct Room {
     may_fail: bool,
 }
 
-/// The rooms, bottom up. `formats::lookup`, `cell_brdf` and `level_brdf` are open to all (see [`ONE_FORMULA`]).
-const HOUSE: [Room; 12] = [
+/// The rooms, bottom up. `formats::lookup`, `cell_brdf`, `level_brdf`, `sggx` and `symmetric` are open to all (see [`ONE_FORMULA`]).
+const HOUSE: [Room; 14] = [
     Room { path: "math", rooms: &[], crates: &["glam"], may_fail: false },
     Room { path: "geometry", rooms: &["math"], crates: &["glam"], may_fail: false },
     Room { path: "material", rooms: &["math"], crates: &["glam"], may_fail: false },
+    Room { path: "medium", rooms: &["math", "geometry"], crates: &["glam"], may_fail: false },
     Room {
         path: "transport",
-        rooms: &["math", "geometry", "material"],
+        rooms: &["math", "geometry", "material", "medium"],
         crates: &["glam", "rayon", "sobol_burley"],
         may_fail: false,
     },
@@ -46,6 +47,12 @@ const HOUSE: [Room; 12] = [
         may_fail: false,
     },
     Room {
+        path: "prefilter::volume",
+        rooms: &["math", "geometry", "medium", "transport"],
+        crates: &["glam", "rayon"],
+        may_fail: false,
+    },
+    Room {
         path: "io",
         rooms: &["math", "geometry", "material"],
         crates: &["formats", "blake3", "exr", "image", "tiff", "thiserror"],
@@ -54,7 +61,17 @@ const HOUSE: [Room; 12] = [
     // `glam`: `build::level_error` casts rays from what it decodes. `nix`: CPU seconds and peak memory of the process.
     Room {
         path: "build",
-        rooms: &["math", "geometry", "material", "transport", "prefilter", "prefilter::surface", "io"],
+        rooms: &[
+            "math",
+            "geometry",
+            "material",
+            "medium",
+            "transport",
+            "prefilter",
+            "prefilter::surface",
+            "prefilter::volume",
+            "io",
+        ],
         crates: &["formats", "blake3", "glam", "nix", "rayon", "serde", "serde_json", "thiserror", "toml"],
         may_fail: true,
     },
@@ -64,7 +81,17 @@ const HOUSE: [Room; 12] = [
     // `nalgebra`: the singular values of a study.
     Room {
         path: "report",
-        rooms: &["math", "geometry", "material", "transport", "prefilter", "prefilter::surface", "io", "build"],
+        rooms: &[
+            "math",
+            "geometry",
+            "material",
+            "transport",
+            "prefilter",
+            "prefilter::surface",
+            "prefilter::volume",
+            "io",
+            "build",
+        ],
         crates: &["base64", "formats", "glam", "maud", "nalgebra", "nv_flip", "rayon", "serde", "serde_json"],
         may_fail: true,
     },
@@ -84,7 +111,8 @@ const FORMATS: Room =
     Room { path: "", rooms: &[], crates: &["blake3", "half", "ktx2", "serde", "serde_json", "zstd"], may_fail: true };
 
 /// Modules of `formats` that every room may call: compiler and reader share one table lookup, one f_c and one f_low.
-const ONE_FORMULA: [&str; 3] = ["formats::lookup", "formats::cell_brdf", "formats::level_brdf"];
+const ONE_FORMULA: [&str; 5] =
+    ["formats::lookup", "formats::cell_brdf", "formats::level_brdf", "formats::sggx", "formats::symmetric"];
 
 /// Crates that tests beside the code may name, too.
 const TEST_CRATES: [&str; 4] = ["cpu_time", "nalgebra", "rayon", "tempfile"];

@@ -1,8 +1,11 @@
-"""Reads a farfield surface asset and evaluates it, written from formats/README.md alone (sections in brackets).
+"""Reads a farfield asset and evaluates it, written from formats/README.md alone (sections in brackets).
 
     asset = load("lod/bark")
     f = f_low(asset, asset["levels"][0], x, n_c, wi, wo)    # arrays (n, 2), (n, 3), (n, 3), (n, 3) -> (n, 3)
     e = additive(asset, asset["levels"][0], x, wi, wo)      # of the base plane: lit and shadowed as section 6 says
+
+    volume = load_volume("lod/cloth")
+    sigma_t, p = flakes(volume["levels"][0], x, w, wi)      # arrays (n, 3) -> (n,), (n, 3)
 
 Needs numpy and zstandard. Digests are not checked: BLAKE3 is not in Python's standard library.
 """
@@ -15,42 +18,62 @@ import numpy as np
 import zstandard
 
 
-def read_ktx2(data, single, columns, rows):
-    """Texels of a payload as (rows, columns, channels) in float64 [1.3]."""
+# vkFormat, bytes and type of a channel, channels [1.3, 8.2].
+FORMATS = {
+    "float": (100, 4, "<f4", 1), "half4": (97, 2, "<f2", 4), "half": (76, 2, "<f2", 1),
+    "byte4": (37, 1, "<u1", 4), "byte": (9, 1, "<u1", 1), "index": (98, 4, "<u4", 1),
+}
+
+
+def read_ktx2(data, texel, columns, rows, slices=0):
+    """Texels of a payload as (rows, columns, channels), 3D ones as (slices, …), in float64 [1.3]."""
+    vk_format, channel_bytes, kind, channels = FORMATS[texel]
     if len(data) < 104 or data[:12] != bytes.fromhex("ab4b5458203230bb0d0a1a0a"):
         raise ValueError("not a KTX2 file")
     header = struct.unpack_from("<9I", data, 12)
-    wanted = (100 if single else 97, 4 if single else 2, columns, rows, 0, 0, 1, 1, 2)
+    wanted = (vk_format, channel_bytes, columns, rows, slices, 0, 1, 1, 2)
     if header != wanted:
         raise ValueError(f"wanted the header {wanted}, found {header}")
     offset, length, plain_length = struct.unpack_from("<3Q", data, 80)
-    if plain_length != columns * rows * (4 if single else 8) or offset + length > len(data):
+    if plain_length != columns * rows * max(slices, 1) * channels * channel_bytes or offset + length > len(data):
         raise ValueError("level data of another length")
     frame = zstandard.ZstdDecompressor(max_window_size=1 << 24).decompressobj()
     plain = frame.decompress(data[offset:offset + length])
     if len(plain) != plain_length or frame.unused_data:
         raise ValueError("frame of another length")
-    texels = np.frombuffer(plain, "<f4" if single else "<f2").astype(np.float64)
-    return texels.reshape(rows, columns, 1 if single else 4)
+    texels = np.frombuffer(plain, kind).astype(np.float64)
+    return texels.reshape(([slices] if slices else []) + [rows, columns, channels])
+
+
+def document(folder, kind):
+    """asset.json of an asset of this kind [1.1, 8.1]."""
+    asset = json.loads((folder / "asset.json").read_bytes())
+    if (asset["format"], asset["version"], asset["kind"]) != ("farfield", 1, kind):
+        raise ValueError(f"not a farfield {kind} of version 1")
+    return asset
+
+
+def payload(folder, file):
+    """Bytes of a payload, whose name must be plain [1]."""
+    path = file["path"]
+    if len(path) > 200 or not re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9._-]*\.ktx2", path):
+        raise ValueError(f"not a plain file name: {path!r}")
+    return (folder / path).read_bytes()
 
 
 def load(folder):
     """asset.json with the arrays of its payloads beside the keys of each level [1]."""
     folder = pathlib.Path(folder)
-    asset = json.loads((folder / "asset.json").read_bytes())
-    if (asset["format"], asset["version"], asset["kind"]) != ("farfield", 1, "surface"):
-        raise ValueError("not a farfield surface of version 1")
+    asset = document(folder, "surface")
     for level in asset["levels"]:
         tables = {}
         pairs = [level["N"] ** 2] * 2
         for file in level["files"]:
-            role, path = file["role"], file["path"]
-            if len(path) > 200 or not re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9._-]*\.ktx2", path):
-                raise ValueError(f"not a plain file name: {path!r}")
+            role = file["role"]
             sizes = {"spatial": level["M"], "angular": pairs, "additive_spatial": level["M"]}
             sizes["additive_angular"] = [level["additive"]["N"] ** 2] * 2 if "additive" in level else None
             size = sizes.get(role.rstrip("0123456789"), level["cells"])
-            tables[role] = read_ktx2((folder / path).read_bytes(), role == "heights", *size)
+            tables[role] = read_ktx2(payload(folder, file), "float" if role == "heights" else "half4", *size)
         cells = level["cells"][0] * level["cells"][1]
         level["heights"] = tables["heights"][:, :, 0]
         lobes = np.stack([tables[f"lobe{j}"].reshape(cells, 4) for j in range(level["lobes"])], axis=1)
@@ -205,3 +228,57 @@ def f_low(asset, level, x, n_c, wi, wo):
     lobes = (level[key][index] for key in ("mean", "kappa", "weight", "color"))
     scaling = product(asset, level, zip(level["T"], level["S"]), level["N"], x, wi, wo)
     return scaling * f_c(asset["bsdf"], *lobes, n_c, wi, wo)
+
+
+def load_volume(folder):
+    """asset.json with a level's `density` and, a lobe, `S` and `a` on the whole grid, 0 where it is empty [8]."""
+    folder = pathlib.Path(folder)
+    asset = document(folder, "volume")
+    for level in asset["levels"]:
+        nx, ny, nz = level["size"]
+        over = [-(-n // 8) for n in level["size"]]
+        atlas = [8 * n for n in level["atlas"]]
+        kinds = {"bricks": "index", "density": "half", "shape": "byte4", "albedo": "byte4", "shear": "byte"}
+        tables = {}
+        for file in level["files"]:
+            kind = kinds[file["role"].rstrip("0123456789")]
+            tables[file["role"]] = read_ktx2(payload(folder, file), kind, *(over if kind == "index" else atlas))
+        # Texel of every voxel; empty bricks read texel 0 and are blanked.
+        z, y, x = np.indices((nz, ny, nx))
+        brick = tables["bricks"][z // 8, y // 8, x // 8, 0].astype(int) - 1
+        n, (ax, ay, _) = np.maximum(brick, 0), level["atlas"]
+        at = (n // (ax * ay) * 8 + z % 8, n // ax % ay * 8 + y % 8, n % ax * 8 + x % 8)
+        texels = {role: table[at] for role, table in tables.items() if role != "bricks"}
+        stored = np.where(brick >= 0, texels["density"][..., 0], 0)
+        level["rho"] = stored * level["density"]
+        level["S"], level["a"] = [], []
+        for j, (low, high) in enumerate(level["albedo"]):
+            shape, albedo, shear = (texels[f"{role}{j}"] for role in ("shape", "albedo", "shear"))
+            xx, yy, zz = (shape[..., c] / 255 for c in range(3))
+            xy, xz, yz = ((c - 128) / 254 for c in (shape[..., 3], albedo[..., 3], shear[..., 0]))
+            M = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=-1).reshape(nz, ny, nx, 3, 3)
+            S = M @ M
+            S += 1e-4 * np.trace(S, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)
+            used = (stored > 0) & (shape[..., :3].max(axis=-1) > 0)
+            level["S"].append(np.where(used[..., None, None], S, 0))
+            level["a"].append(np.array(low) + (np.array(high) - np.array(low)) * albedo[..., :3] / 255)
+    return asset
+
+
+def flakes(level, x, w, wi):
+    """Extinction at the place x for the direction w, 1/m, and the phase function from w to wi, 1/sr [8.3]."""
+    size = np.array(level["size"])
+    i, j, k = np.minimum(np.floor(x * size).astype(int), size - 1).T
+    h = w + wi
+    h /= np.linalg.norm(h, axis=1, keepdims=True)
+    area, scattered = 0, 0
+    for S, a in zip(level["S"], level["a"]):
+        S, a = S[k, j, i], a[k, j, i]
+        used = S[:, 0, 0] > 0
+        whole = np.where(used[:, None, None], S, np.eye(3))
+        quadratic = np.einsum("ni,nij,nj->n", h, np.linalg.inv(whole), h)
+        D = np.where(used, 1 / (np.pi * np.sqrt(np.linalg.det(whole)) * quadratic**2), 0)
+        area = area + np.sqrt(np.einsum("ni,nij,nj->n", w, S, w))
+        scattered = scattered + a * D[:, None]
+    sigma_t = level["rho"][k, j, i] * area
+    return sigma_t, np.where(area > 0, 1 / np.where(area > 0, 4 * area, 1), 0)[:, None] * scattered

@@ -89,5 +89,53 @@ class TheSpecificationAndTheRustReaderAgree(unittest.TestCase):
         self.compare("one_cell", 4)
 
 
+class TheSpecificationAndTheRustReaderAgreeOnVolumes(unittest.TestCase):
+    """float32 against float64 again: S has a condition of up to 1e4, and D holds the square of its inverse."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        subprocess.run(CARGO + ["sample_volumes", cls.folder.name], cwd=ROOT, check=True)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def compare(self, name, seed, filled):
+        folder = pathlib.Path(self.folder.name, name)
+        random = np.random.default_rng(seed)
+        x = random.uniform(0, 1, (POINTS, 3))
+        w, wi = (random.normal(size=(POINTS, 3)) for _ in range(2))
+        w, wi = (d / np.linalg.norm(d, axis=1, keepdims=True) for d in (w, wi))
+        x, w, wi = (np.float32(a).astype(np.float64) for a in (x, w, wi))
+        x = np.minimum(x, np.float32(1) - np.finfo(np.float32).epsneg)
+        lines = "\n".join(" ".join(map(repr, map(float, row))) for row in np.hstack([x, w, wi]))
+        run = subprocess.run(CARGO + ["evaluate_volume", str(folder)], cwd=ROOT, check=True, input=lines, text=True, stdout=subprocess.PIPE)
+        rust = np.array([line.split() for line in run.stdout.splitlines()], dtype=float)
+        volume = farfield_asset.load_volume(folder)
+        sigma_t, p = farfield_asset.flakes(volume["levels"][0], x, w, wi)
+        ours = np.hstack([sigma_t[:, None], p])
+        self.assertEqual(rust.shape, ours.shape)
+        self.assertTrue(np.isfinite(ours).all() and np.isfinite(rust).all())
+        np.testing.assert_array_equal(rust[:, 0] > 0, sigma_t > 0)
+        self.assertGreater(np.count_nonzero(sigma_t), 0.9 * filled * POINTS)
+        difference = abs(rust - ours) / np.where(ours > 0, ours, 1)
+        print(f"{name}: {POINTS} points, difference {difference.mean():.1e} in the mean, {difference.max():.1e} at worst")
+        self.assertLess(difference.max(), WORST)
+        self.assertLess(difference.mean(), MEAN)
+
+    def test_two_lobes(self):
+        self.compare("two_lobes", 1, 0.3)
+
+    def test_one_lobe_one_colour(self):
+        self.compare("one_lobe_one_colour", 2, 0.3)
+
+    def test_three_lobes_full(self):
+        self.compare("three_lobes_full", 3, 0.7)
+
+    def test_one_voxel(self):
+        self.compare("one_voxel", 4, 1)
+
+
 if __name__ == "__main__":
     unittest.main()

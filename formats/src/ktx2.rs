@@ -1,4 +1,4 @@
-//! One table as one KTX2 file: 2D, one level, R32_SFLOAT or R16G16B16A16_SFLOAT, Zstandard supercompressed.
+//! One table as one KTX2 file: 2D or 3D, one level, one of the formats of [`TexelFormat`], Zstandard supercompressed.
 //!
 //! The writer gives the same bytes for the same values; the reader takes exactly what its caller expects and nothing else.
 
@@ -20,13 +20,21 @@ const DESCRIPTOR_OFFSET: u32 = (Header::LENGTH + LevelIndex::LENGTH) as u32;
 /// Length, key, NUL, value, NUL; 4 + 18 bytes and padding to a multiple of 4. No version: it would change the bytes.
 const KEY_VALUES: &[u8; 24] = b"\x13\0\0\0KTXwriter\0farfield\0\0";
 
-/// Values of one table, row-major.
+/// Values of one table: x fastest, then y, then z.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Texels {
     /// R32_SFLOAT.
     Single(Vec<f32>),
     /// R16G16B16A16_SFLOAT.
     Half(Vec<[f16; 4]>),
+    /// R16_SFLOAT.
+    HalfSingle(Vec<f16>),
+    /// R8_UNORM.
+    Byte(Vec<u8>),
+    /// R8G8B8A8_UNORM.
+    Bytes(Vec<[u8; 4]>),
+    /// R32_UINT.
+    Index(Vec<u32>),
 }
 
 /// What the texels of a table are.
@@ -36,6 +44,31 @@ pub(crate) enum TexelFormat {
     Single,
     /// R16G16B16A16_SFLOAT, 8 bytes.
     Half,
+    /// R16_SFLOAT, 2 bytes.
+    HalfSingle,
+    /// R8_UNORM, 1 byte.
+    Byte,
+    /// R8G8B8A8_UNORM, 4 bytes.
+    Bytes,
+    /// R32_UINT, 4 bytes.
+    Index,
+}
+
+/// Columns, rows and slices of a table; 0 slices are a 2D image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Extent([usize; 3]);
+
+impl From<[usize; 2]> for Extent {
+    fn from([columns, rows]: [usize; 2]) -> Self {
+        Self([columns, rows, 0])
+    }
+}
+
+impl From<[usize; 3]> for Extent {
+    fn from(size: [usize; 3]) -> Self {
+        debug_assert!(size[2] > 0, "a 3D texture has a slice");
+        Self(size)
+    }
 }
 
 impl TexelFormat {
@@ -43,20 +76,25 @@ impl TexelFormat {
         match self {
             Self::Single => Format::R32_SFLOAT,
             Self::Half => Format::R16G16B16A16_SFLOAT,
+            Self::HalfSingle => Format::R16_SFLOAT,
+            Self::Byte => Format::R8_UNORM,
+            Self::Bytes => Format::R8G8B8A8_UNORM,
+            Self::Index => Format::R32_UINT,
         }
     }
 
     fn channels(self) -> u32 {
         match self {
-            Self::Single => 1,
-            Self::Half => 4,
+            Self::Half | Self::Bytes => 4,
+            Self::Single | Self::HalfSingle | Self::Byte | Self::Index => 1,
         }
     }
 
     fn bytes_per_channel(self) -> u32 {
         match self {
-            Self::Single => 4,
-            Self::Half => 2,
+            Self::Single | Self::Index => 4,
+            Self::Half | Self::HalfSingle => 2,
+            Self::Byte | Self::Bytes => 1,
         }
     }
 
@@ -64,13 +102,22 @@ impl TexelFormat {
         (self.channels() * self.bytes_per_channel()) as usize
     }
 
-    fn byte_length(self, size: [usize; 2]) -> usize {
-        size[0] * size[1] * self.bytes_per_texel()
+    fn byte_length(self, Extent([columns, rows, slices]): Extent) -> usize {
+        columns * rows * slices.max(1) * self.bytes_per_texel()
+    }
+
+    /// Qualifiers of a channel in the data format descriptor, and the values that are its lower and upper bound.
+    fn sample(self) -> (u32, [u32; 2]) {
+        const SIGNED_FLOAT: u32 = 0xC0;
+        match self {
+            Self::Single | Self::Half | Self::HalfSingle => (SIGNED_FLOAT, [(-1.0f32).to_bits(), 1.0f32.to_bits()]),
+            Self::Byte | Self::Bytes => (0, [0, 255]),
+            Self::Index => (0, [0, 1]),
+        }
     }
 
     /// The basic data format descriptor, with its leading total length.
     fn descriptor(self) -> Vec<u8> {
-        const SIGNED_FLOAT: u32 = 0xC0;
         const ALPHA: u32 = 15;
         let block_size = 24 + 16 * self.channels();
         let mut words = vec![
@@ -83,10 +130,11 @@ impl TexelFormat {
             0,
         ];
         let bits = 8 * self.bytes_per_channel();
+        let (qualifiers, bounds) = self.sample();
         for channel in 0..self.channels() {
             let id = if channel == 3 { ALPHA } else { channel };
-            words.extend([(bits * channel) | ((bits - 1) << 16) | ((SIGNED_FLOAT | id) << 24), 0]);
-            words.extend([(-1.0f32).to_bits(), 1.0f32.to_bits()]);
+            words.extend([(bits * channel) | ((bits - 1) << 16) | ((qualifiers | id) << 24), 0]);
+            words.extend(bounds);
         }
         words.iter().flat_map(|word| word.to_le_bytes()).collect()
     }
@@ -97,6 +145,10 @@ impl Texels {
         match self {
             Self::Single(_) => TexelFormat::Single,
             Self::Half(_) => TexelFormat::Half,
+            Self::HalfSingle(_) => TexelFormat::HalfSingle,
+            Self::Byte(_) => TexelFormat::Byte,
+            Self::Bytes(_) => TexelFormat::Bytes,
+            Self::Index(_) => TexelFormat::Index,
         }
     }
 
@@ -104,24 +156,32 @@ impl Texels {
         match self {
             Self::Single(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
             Self::Half(values) => values.iter().flatten().flat_map(|value| value.to_le_bytes()).collect(),
+            Self::HalfSingle(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+            Self::Byte(values) => values.clone(),
+            Self::Bytes(values) => values.as_flattened().to_vec(),
+            Self::Index(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
         }
     }
 
-    fn from_bytes(bytes: &[u8], format: TexelFormat) -> Self {
+    fn from_bytes(bytes: Vec<u8>, format: TexelFormat) -> Self {
         let half = |at: &[u8]| f16::from_le_bytes([at[0], at[1]]);
+        let word = |at: &[u8]| [at[0], at[1], at[2], at[3]];
         match format {
-            TexelFormat::Single => {
-                Self::Single(bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
-            }
+            TexelFormat::Single => Self::Single(bytes.chunks_exact(4).map(|b| f32::from_le_bytes(word(b))).collect()),
             TexelFormat::Half => Self::Half(
                 bytes.chunks_exact(8).map(|b| [half(b), half(&b[2..]), half(&b[4..]), half(&b[6..])]).collect(),
             ),
+            TexelFormat::HalfSingle => Self::HalfSingle(bytes.chunks_exact(2).map(half).collect()),
+            TexelFormat::Byte => Self::Byte(bytes),
+            TexelFormat::Bytes => Self::Bytes(bytes.chunks_exact(4).map(word).collect()),
+            TexelFormat::Index => Self::Index(bytes.chunks_exact(4).map(|b| u32::from_le_bytes(word(b))).collect()),
         }
     }
 }
 
-/// The bytes of a KTX2 file with `size[0]` columns and `size[1]` rows.
-pub(crate) fn write(texels: &Texels, size: [usize; 2]) -> Vec<u8> {
+/// The bytes of a KTX2 file of this size.
+pub(crate) fn write(texels: &Texels, size: impl Into<Extent>) -> Vec<u8> {
+    let size = size.into();
     let format = texels.format();
     let plain = texels.to_bytes();
     debug_assert_eq!(plain.len(), format.byte_length(size), "as many texels as the size says");
@@ -132,9 +192,9 @@ pub(crate) fn write(texels: &Texels, size: [usize; 2]) -> Vec<u8> {
     let header = Header {
         format: Some(format.vk_format()),
         type_size: format.bytes_per_channel(),
-        pixel_width: size[0] as u32,
-        pixel_height: size[1] as u32,
-        pixel_depth: 0,
+        pixel_width: size.0[0] as u32,
+        pixel_height: size.0[1] as u32,
+        pixel_depth: size.0[2] as u32,
         layer_count: 0,
         face_count: 1,
         level_count: 1,
@@ -157,11 +217,11 @@ pub(crate) fn write(texels: &Texels, size: [usize; 2]) -> Vec<u8> {
 }
 
 /// Most bytes that a file with this content can have; a longer one is refused unread.
-pub(crate) fn max_file_length(format: TexelFormat, size: [usize; 2]) -> u64 {
+pub(crate) fn max_file_length(format: TexelFormat, size: impl Into<Extent>) -> u64 {
     /// Header, descriptor and room for key-values that another writer may add.
     const FRONT: u64 = 64 * 1024;
     // Zstandard never grows data by more than 1/256 and a few bytes.
-    let plain = format.byte_length(size) as u64;
+    let plain = format.byte_length(size.into()) as u64;
     FRONT + plain + plain / 256 + 1024
 }
 
@@ -169,7 +229,8 @@ pub(crate) fn max_file_length(format: TexelFormat, size: [usize; 2]) -> u64 {
 ///
 /// Memory grows with what is really decompressed and ends at the expected size, whatever the file claims. The `ktx2`
 /// crate reads header and level index; its `Reader` is not used since a descriptor byte of 255 makes it panic.
-pub(crate) fn read(path: &str, bytes: &[u8], format: TexelFormat, size: [usize; 2]) -> Result<Texels, Error> {
+pub(crate) fn read(path: &str, bytes: &[u8], format: TexelFormat, size: impl Into<Extent>) -> Result<Texels, Error> {
+    let size = size.into();
     let fail = |place: &str, wanted: String, found: String| Error::malformed(path, place, wanted, found);
     let front = bytes.get(..Header::LENGTH + LevelIndex::LENGTH).ok_or_else(|| {
         fail("header", format!("{} bytes", Header::LENGTH + LevelIndex::LENGTH), format!("{} bytes", bytes.len()))
@@ -199,16 +260,16 @@ pub(crate) fn read(path: &str, bytes: &[u8], format: TexelFormat, size: [usize; 
     let plain = decompress(data, plain_length).map_err(|found| {
         fail(&format!("level data at byte {}", level.byte_offset), format!("{plain_length} bytes in one frame"), found)
     })?;
-    Ok(Texels::from_bytes(&plain, format))
+    Ok(Texels::from_bytes(plain, format))
 }
 
-fn check_header(path: &str, header: &Header, format: TexelFormat, size: [usize; 2]) -> Result<(), Error> {
+fn check_header(path: &str, header: &Header, format: TexelFormat, Extent(size): Extent) -> Result<(), Error> {
     let checks = [
         ("format", format.vk_format().value(), header.format.map_or(0, |found| found.value())),
         ("type size", format.bytes_per_channel(), header.type_size),
         ("width", size[0] as u32, header.pixel_width),
         ("height", size[1] as u32, header.pixel_height),
-        ("depth", 0, header.pixel_depth),
+        ("depth", size[2] as u32, header.pixel_depth),
         ("layers", 0, header.layer_count),
         ("faces", 1, header.face_count),
         ("levels", 1, header.level_count),

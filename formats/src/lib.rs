@@ -2,7 +2,8 @@
 //!
 //! An asset is a folder: `asset.json` and KTX2 payloads. Each of its levels is a coarse displacement map with a BRDF
 //! f_low that reflects what the full one did; `README.md` is the specification. [`level_brdf`] evaluates and samples it at
-//! a renderer's pace. A complete reader:
+//! a renderer's pace. A [`VolumeAsset`] is the same for a cloud of microflakes, which [`sggx`] evaluates. A complete reader of
+//! surfaces:
 //!
 //! ```
 //! use farfield_formats::{Error, SurfaceAsset, lookup::direction_of};
@@ -29,9 +30,14 @@ mod error;
 mod ktx2;
 pub mod level_brdf;
 pub mod lookup;
+pub mod sggx;
+pub mod symmetric;
+pub mod volume;
 
 pub use asset::SurfaceAsset;
 pub use cell_brdf::{BaseBrdf, CellBrdf, Lobe, Specular};
 pub use error::Error;
 pub use level_brdf::LevelBrdf;
 pub use lookup::Boundary;
+pub use sggx::{FlakeLobe, Sggx};
+pub use volume::{VolumeAsset, VolumeLevel};

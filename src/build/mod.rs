@@ -36,11 +36,12 @@ pub mod schedule;
 pub mod stage;
 pub mod store;
 pub mod surface;
+pub mod volume;
 mod watch;
 mod worker;
 
 pub use input::{Input, InputError};
-pub use manifest::{Manifest, Mistake, SceneSpec, SurfaceSpec};
+pub use manifest::{Manifest, Mistake, SceneSpec, SurfaceSpec, VolumeSpec};
 pub use models::{Model, ModelData};
 pub use plan::{Plan, PlanError, ScenePlan};
 pub use record::{LevelRecord, StageSeconds};

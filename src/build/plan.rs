@@ -1,19 +1,21 @@
-//! What a command line asks for: the surfaces of a manifest that are to be built, or a scene that is to be drawn.
+//! What a command line asks for: the surfaces and volumes of a manifest that are to be built, or a scene that is to be drawn.
 
 use std::path::{Path, PathBuf};
 
-use super::manifest::{Manifest, closest};
-use super::{Mistake, SceneSpec, SurfaceSpec};
+use super::manifest::{Manifest, ObjectSpec, closest};
+use super::{Mistake, SceneSpec, SurfaceSpec, VolumeSpec};
 use crate::io::SourceFile;
 
 /// The longest manifest that is read.
 const MAX_MANIFEST_BYTES: usize = 16 << 20;
 
-/// Surfaces to build and the folder that their paths are relative to.
+/// Surfaces and volumes to build and the folder that their paths are relative to.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// The chosen surfaces, by name.
     pub surfaces: Vec<SurfaceSpec>,
+    /// The chosen volumes, by name.
+    pub volumes: Vec<VolumeSpec>,
     /// The manifest's folder.
     pub folder: PathBuf,
 }
@@ -47,27 +49,35 @@ impl PlanError {
 }
 
 impl Plan {
-    /// The surfaces `names` of the manifest at `path`; all of them where `names` is empty.
+    /// The surfaces and volumes `names` of the manifest at `path`; all of them where `names` is empty.
     pub fn read(path: &Path, names: &[String]) -> Result<Self, PlanError> {
         let (manifest, file) = read_manifest(path)?;
-        let surfaces = choose(manifest.surfaces, names, &file)?;
-        Ok(Self { surfaces, folder: folder_of(path) })
+        let Manifest { mut surfaces, mut volumes, .. } = manifest;
+        if !names.is_empty() {
+            check_names(&surfaces, &volumes, names, &file)?;
+            surfaces.retain(|surface| names.contains(&surface.name));
+            volumes.retain(|volume| names.contains(&volume.name));
+        }
+        Ok(Self { surfaces, volumes, folder: folder_of(path) })
     }
 
-    /// The plan with another target for every surface.
+    /// The plan with another target for everything.
     pub fn with_error(mut self, error: f64) -> Self {
         self.surfaces.iter_mut().flat_map(|surface| &mut surface.levels).for_each(|level| level.error = error);
+        self.volumes.iter_mut().for_each(|volume| volume.error = error);
         self
     }
 }
 
-/// A scene to draw, with the surfaces in it and the folder that its paths are relative to.
+/// A scene to draw, with the surfaces and volumes in it and the folder that its paths are relative to.
 #[derive(Clone, Debug)]
 pub struct ScenePlan {
     /// The scene.
     pub scene: SceneSpec,
     /// The surfaces that its objects name, each once, in the manifest's order.
     pub surfaces: Vec<SurfaceSpec>,
+    /// The volumes that its objects name.
+    pub volumes: Vec<VolumeSpec>,
     /// The manifest's folder.
     pub folder: PathBuf,
 }
@@ -80,10 +90,17 @@ impl ScenePlan {
         let Some(index) = known.iter().position(|known| *known == name) else {
             return Err(PlanError::UnknownNames(vec![unknown_name("scene", name, &known, &file)]));
         };
-        let Manifest { mut surfaces, mut scenes } = manifest;
+        let Manifest { mut surfaces, mut volumes, mut scenes } = manifest;
         let scene = scenes.swap_remove(index);
-        surfaces.retain(|surface| scene.objects.iter().any(|object| object.surface == surface.name));
-        Ok(Self { scene, surfaces, folder: folder_of(path) })
+        let is_shown = |name: &str| {
+            scene.objects.iter().any(|object| match object {
+                ObjectSpec::Surface(plane) => plane.surface == name,
+                ObjectSpec::Volume { volume } => volume == name,
+            })
+        };
+        surfaces.retain(|surface| is_shown(&surface.name));
+        volumes.retain(|volume| is_shown(&volume.name));
+        Ok(Self { scene, surfaces, volumes, folder: folder_of(path) })
     }
 }
 
@@ -113,18 +130,19 @@ fn folder_of(path: &Path) -> PathBuf {
     path.parent().unwrap_or(Path::new("")).to_owned()
 }
 
-/// The surfaces with these names; all, if there are no names.
-fn choose(surfaces: Vec<SurfaceSpec>, names: &[String], file: &str) -> Result<Vec<SurfaceSpec>, PlanError> {
-    if names.is_empty() {
-        return Ok(surfaces);
-    }
-    let known: Vec<&str> = surfaces.iter().map(|surface| surface.name.as_str()).collect();
+/// Fails with all of `names` that are neither a surface nor a volume.
+fn check_names(
+    surfaces: &[SurfaceSpec],
+    volumes: &[VolumeSpec],
+    names: &[String],
+    file: &str,
+) -> Result<(), PlanError> {
+    let kind = if volumes.is_empty() { "surface" } else { "surface or volume" };
+    let volumes = volumes.iter().map(|volume| volume.name.as_str());
+    let known: Vec<&str> = surfaces.iter().map(|surface| surface.name.as_str()).chain(volumes).collect();
     let unknown = names.iter().filter(|name| !known.contains(&name.as_str()));
-    let lines: Vec<String> = unknown.map(|name| unknown_name("surface", name, &known, file)).collect();
-    if !lines.is_empty() {
-        return Err(PlanError::UnknownNames(lines));
-    }
-    Ok(surfaces.into_iter().filter(|surface| names.contains(&surface.name)).collect())
+    let lines: Vec<String> = unknown.map(|name| unknown_name(kind, name, &known, file)).collect();
+    if lines.is_empty() { Ok(()) } else { Err(PlanError::UnknownNames(lines)) }
 }
 
 /// That `file` has no `[KIND.NAME]` of this name.

@@ -15,6 +15,8 @@ use super::record::{self, LevelRecord};
 use super::schedule::{self, Happening, Limits};
 use super::store::{Remote, Store};
 use super::surface::{self, SurfaceFiles, SurfaceStep};
+use super::volume::VolumeRecord;
+use super::volume::run::build_volume;
 use super::{Plan, SurfaceSpec, encode};
 use crate::io::publish::Publisher;
 
@@ -89,6 +91,25 @@ pub enum Event<'a> {
         /// Actions that ran for it.
         ran: usize,
     },
+    /// Something the user should know about a volume that is usable.
+    VolumeWarning {
+        /// Volume.
+        name: &'a str,
+        /// One line.
+        text: &'a str,
+    },
+    /// A volume is published.
+    VolumeBuilt {
+        /// Its levels.
+        records: &'a [VolumeRecord],
+    },
+    /// A volume could not be built.
+    VolumeFailed {
+        /// Volume.
+        name: &'a str,
+        /// One line.
+        text: &'a str,
+    },
     /// A surface could not be built.
     Failed {
         /// Surface.
@@ -109,7 +130,9 @@ pub struct Outcome {
     pub built: usize,
     /// Actions that ran.
     pub ran: usize,
-    /// Surfaces that could not be built.
+    /// All levels of volumes that were built.
+    pub volumes: Vec<VolumeRecord>,
+    /// Surfaces and volumes that could not be built.
     pub failed: usize,
     /// Levels above their target.
     pub missed: usize,
@@ -117,8 +140,13 @@ pub struct Outcome {
     pub differing: usize,
 }
 
-/// Builds all surfaces of `plan`. One that fails does not stop the others.
-pub fn build(plan: &Plan, request: Request, publisher: &Publisher, on_event: &mut dyn FnMut(Event<'_>)) -> Outcome {
+/// Builds all surfaces and volumes of `plan`. One that fails does not stop the others.
+pub fn build(
+    plan: &Plan,
+    request: Request,
+    publisher: &Publisher,
+    on_event: &mut (dyn FnMut(Event<'_>) + Send),
+) -> Outcome {
     let Request { out, cache, cache_limit, remote, limits, is_forced } = request;
     publisher.sweep(&out);
     let store = Store::open(&cache, remote);
@@ -143,6 +171,7 @@ pub fn build(plan: &Plan, request: Request, publisher: &Publisher, on_event: &mu
     {
         on_event(Event::Notice { text: &error.to_string() });
     }
+    build_volumes(plan, &out, publisher, limits.threads, &mut outcome, on_event);
     digests.save(&store);
     store.finish();
     outcome.differing = store.differing();
@@ -151,6 +180,38 @@ pub fn build(plan: &Plan, request: Request, publisher: &Publisher, on_event: &mu
     }
     store.notices().iter().for_each(|text| on_event(Event::Notice { text }));
     outcome
+}
+
+/// Builds the volumes of `plan`, each from the beginning: their stages are no actions yet.
+fn build_volumes(
+    plan: &Plan,
+    out: &Path,
+    publisher: &Publisher,
+    threads: usize,
+    outcome: &mut Outcome,
+    on_event: &mut (dyn FnMut(Event<'_>) + Send),
+) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    for spec in &plan.volumes {
+        let name = spec.name.as_str();
+        let mut one = || build_volume(spec, &plan.folder, out, publisher, on_event);
+        let built = match &pool {
+            Ok(pool) => pool.install(one),
+            Err(_) => one(),
+        };
+        match built {
+            Ok(records) => {
+                on_event(Event::VolumeBuilt { records: &records });
+                outcome.built += 1;
+                outcome.missed += records.iter().filter(|record| record.missed()).count();
+                outcome.volumes.extend(records);
+            }
+            Err(text) => {
+                outcome.failed += 1;
+                on_event(Event::VolumeFailed { name, text: &text });
+            }
+        }
+    }
 }
 
 /// What a build would do with one surface.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use formats::asset::{DOCUMENT, SurfaceAsset};
 use glam::DVec3;
 
-use super::manifest::{CameraSpec, Displacement, LightSpec, Projection};
+use super::manifest::{CameraSpec, Displacement, LightSpec, ObjectSpec, Projection};
 use super::models::{Model, ModelData};
 use super::{Input, ScenePlan, SurfaceSpec, encode, input};
 use crate::geometry::{Boundary, HeightField, LargeShape};
@@ -59,6 +59,7 @@ impl Stage {
     pub fn read(plan: &ScenePlan, model: Model, out: &Path) -> Result<Self, StageError> {
         let senseless = |what: &str| StageError::Senseless { scene: plan.scene.name.clone(), what: what.into() };
         let object = plan.scene.objects.first().ok_or_else(|| senseless("has no object; wanted one"))?;
+        let ObjectSpec::Surface(object) = object else { return Err(senseless("shows a volume; wanted a surface")) };
         let spec = plan.surfaces.iter().find(|spec| spec.name == object.surface);
         let spec = spec.ok_or_else(|| senseless("names a surface that the manifest does not have"))?;
         let mut warnings = Vec::new();
@@ -68,11 +69,8 @@ impl Stage {
             None => None,
             Some(displacement) => Some(read_large(displacement, &plan.folder, extent)?),
         };
-        let lights: Result<Vec<Light>, StageError> =
-            plan.scene.lights.iter().map(|light| read_light(light, &plan.folder, &mut warnings)).collect();
-        let camera = camera(&plan.scene.camera, plan.scene.film)
-            .ok_or_else(|| senseless("the camera looks nowhere; wanted another `target` or `up`"))?;
-        let stage = Self { model, light, camera, lights: Lights::new(lights?), tiles: object.tiling, large, warnings };
+        let (camera, lights) = camera_and_lights(plan, &mut warnings)?;
+        let stage = Self { model, light, camera, lights, tiles: object.tiling, large, warnings };
         let is_parallel = matches!(plan.scene.camera.projection, Projection::Orthographic { .. });
         if !is_parallel && !stage.scene().camera_is_outside() {
             return Err(senseless("the camera is inside the surface; wanted a `position` above it"));
@@ -141,20 +139,30 @@ fn read_model(
 
 /// The asset of the surface `name` in `out`, and the BLAKE3 of its document.
 pub fn read_asset(name: &str, out: &Path) -> Result<(SurfaceAsset, String), StageError> {
-    let folder: PathBuf = out.join(name);
-    if !folder.join(DOCUMENT).exists() {
-        let path = folder.join(DOCUMENT);
-        let line = format!("`{}`: is not there; wanted the asset of `{name}`: `farfield build {name}`", path.display());
-        return Err(StageError::Unreadable(line));
-    }
-    let in_folder = |error: formats::Error| match error {
-        formats::Error::Io { .. } => format!("asset `{name}`: {error}"),
-        _ => format!("{}: {error}; build it anew with `farfield build {name}`", folder.display()),
-    };
+    let folder = asset_folder(name, out)?;
     let document = SourceFile::read(&folder.join(DOCUMENT))?;
     let digest = blake3::hash(document.bytes()).to_hex().to_string();
-    let asset = SurfaceAsset::read(&folder).map_err(|error| StageError::Unreadable(in_folder(error)))?;
+    let asset = SurfaceAsset::read(&folder).map_err(|error| unreadable_asset(name, &folder, &error))?;
     Ok((asset, digest))
+}
+
+/// The folder of the asset `name` in `out`, if there is one.
+pub(super) fn asset_folder(name: &str, out: &Path) -> Result<PathBuf, StageError> {
+    let folder: PathBuf = out.join(name);
+    let path = folder.join(DOCUMENT);
+    if path.exists() {
+        return Ok(folder);
+    }
+    let line = format!("`{}`: is not there; wanted the asset of `{name}`: `farfield build {name}`", path.display());
+    Err(StageError::Unreadable(line))
+}
+
+/// What is wrong with the asset `name` in `folder`.
+pub(super) fn unreadable_asset(name: &str, folder: &Path, error: &formats::Error) -> StageError {
+    StageError::Unreadable(match error {
+        formats::Error::Io { .. } => format!("asset `{name}`: {error}"),
+        _ => format!("{}: {error}; build it anew with `farfield build {name}`", folder.display()),
+    })
 }
 
 /// The large shape of `displacement` over `extent` metres.
@@ -174,6 +182,18 @@ fn read_large(displacement: &Displacement, folder: &Path, extent: [f64; 2]) -> R
         return Err(StageError::Unreadable(line));
     }
     Ok(LargeShape::new(HeightField::new(heights, size, spacing, Boundary::Clamp)))
+}
+
+/// The camera and the lights of a scene.
+pub(super) fn camera_and_lights(plan: &ScenePlan, warnings: &mut Vec<String>) -> Result<(Camera, Lights), StageError> {
+    let lights: Result<Vec<Light>, StageError> =
+        plan.scene.lights.iter().map(|light| read_light(light, &plan.folder, warnings)).collect();
+    let lights = Lights::new(lights?);
+    let camera = camera(&plan.scene.camera, plan.scene.film).ok_or_else(|| StageError::Senseless {
+        scene: plan.scene.name.clone(),
+        what: "the camera looks nowhere; wanted another `target` or `up`".into(),
+    })?;
+    Ok((camera, lights))
 }
 
 /// The camera of a scene.

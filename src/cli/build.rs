@@ -70,7 +70,9 @@ pub(super) fn cache_folder(cache: Option<&PathBuf>, manifest: &Path) -> PathBuf 
 
 /// What would be built, and why.
 fn dry_run(plan: &Plan, args: &BuildArgs) -> String {
-    let planned: String = plan.surfaces.iter().map(|surface| report::planned(surface, &args.out, args.json)).collect();
+    let surfaces = plan.surfaces.iter().map(|surface| report::planned(surface, &args.out, args.json));
+    let volumes = plan.volumes.iter().map(|volume| report::planned_volume(volume, &args.out, args.json));
+    let planned: String = surfaces.chain(volumes).collect();
     if !args.explain {
         return planned;
     }
@@ -106,6 +108,7 @@ pub(super) fn compile(plan: &Plan, args: &BuildArgs, remote: Option<Remote>, pub
     progress.finish(&outcome);
     if !args.json {
         print(&report::level_table(&outcome.records));
+        print(&report::volume_table(&outcome.volumes));
     }
     exit_code(&outcome, args.strict)
 }
@@ -123,7 +126,8 @@ pub(super) fn limits(jobs: Option<u16>, memory: Option<u64>) -> Limits {
 fn lines(event: Event<'_>, args: &BuildArgs) -> String {
     match event {
         Event::Built { records, .. } if args.json => records.iter().map(|record| record.to_json() + "\n").collect(),
-        Event::Failed { name, text } if args.json => {
+        Event::VolumeBuilt { records } if args.json => records.iter().map(|record| record.to_json() + "\n").collect(),
+        Event::Failed { name, text } | Event::VolumeFailed { name, text } if args.json => {
             format!("{}\n", serde_json::json!({ "name": name, "failed": text }))
         }
         Event::Ran { name, action, reasons } if args.explain && args.json => {

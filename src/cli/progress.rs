@@ -52,7 +52,9 @@ impl Progress {
             Event::Warning { name, text } => self.line("warning", &format!("surface `{name}`: {text}")),
             Event::Notice { text } => self.line("warning", text),
             Event::Failed { name, text } => self.line("error", &format!("surface `{name}`: {text}")),
-            Event::Ran { .. } | Event::Built { .. } => {}
+            Event::VolumeFailed { name, text } => self.line("error", &format!("volume `{name}`: {text}")),
+            Event::VolumeWarning { name, text } => self.line("warning", &format!("volume `{name}`: {text}")),
+            Event::Ran { .. } | Event::Built { .. } | Event::VolumeBuilt { .. } => {}
         }
     }
 

@@ -1,11 +1,14 @@
 //! `farfield render`.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use super::args::{Integrator, Lod, Model, RenderArgs};
 use super::{DONE, FAILED, SENSELESS, complain, print};
 use crate::build::clock::cpu_seconds;
+use crate::build::manifest::ObjectSpec;
 use crate::build::stage::{Stage, StageError};
+use crate::build::volume::stage::VolumeStage;
 use crate::build::{self, ScenePlan};
 use crate::io::exr_writer::{ExrImage, encode_exr};
 use crate::io::preview::encode_png;
@@ -13,7 +16,7 @@ use crate::io::publish::Publisher;
 use crate::transport::film::Film;
 use crate::transport::render::{self as renderer, RenderSettings};
 use crate::transport::sampler::Sampling;
-use crate::transport::scene;
+use crate::transport::{scene, volume};
 
 /// Draws a scene; the exit code.
 pub(super) fn run(args: &RenderArgs) -> u8 {
@@ -24,15 +27,14 @@ pub(super) fn run(args: &RenderArgs) -> u8 {
             return SENSELESS;
         }
     };
-    let model = model(args.model);
-    let stage = match Stage::read(&plan, model, &args.out) {
+    let stage = match Shown::read(&plan, args) {
         Ok(stage) => stage,
         Err(error) => {
             complain("error", &error.to_string());
             return if matches!(error, StageError::Senseless { .. }) { SENSELESS } else { FAILED };
         }
     };
-    stage.warnings.iter().for_each(|line| complain("warning", line));
+    stage.warnings().iter().for_each(|line| complain("warning", line));
     let settings = match settings(args, &stage) {
         Ok(settings) => settings,
         Err(line) => {
@@ -66,8 +68,50 @@ pub(super) fn run(args: &RenderArgs) -> u8 {
     }
 }
 
+/// What a scene shows.
+enum Shown {
+    Surface(Box<Stage>),
+    Volume(Box<VolumeStage>),
+}
+
+impl Shown {
+    /// Reads what the scene of `plan` needs.
+    fn read(plan: &ScenePlan, args: &RenderArgs) -> Result<Self, StageError> {
+        let model = model(args.model);
+        match plan.scene.objects.first() {
+            Some(ObjectSpec::Volume { .. }) => {
+                VolumeStage::read(plan, model, &args.out).map(|stage| Self::Volume(Box::new(stage)))
+            }
+            _ => Stage::read(plan, model, &args.out).map(|stage| Self::Surface(Box::new(stage))),
+        }
+    }
+
+    fn warnings(&self) -> &[String] {
+        match self {
+            Self::Surface(stage) => &stage.warnings,
+            Self::Volume(stage) => &stage.warnings,
+        }
+    }
+
+    /// Numbers of the levels, fine to coarse.
+    fn indices(&self) -> Vec<u32> {
+        match self {
+            Self::Surface(stage) => stage.model().indices().collect(),
+            Self::Volume(stage) => stage.indices().collect(),
+        }
+    }
+
+    /// The integrator that shows what the levels stand for: all light of a volume.
+    fn integrator(&self) -> renderer::Integrator {
+        match self {
+            Self::Surface(stage) => stage.integrator(),
+            Self::Volume(_) => renderer::Integrator::Path,
+        }
+    }
+}
+
 /// How the scene is rendered; the error is one line.
-fn settings(args: &RenderArgs, stage: &Stage) -> Result<RenderSettings, String> {
+fn settings(args: &RenderArgs, stage: &Shown) -> Result<RenderSettings, String> {
     let lod = match args.lod {
         Lod::Auto => scene::Lod::Auto,
         Lod::Level(_) if args.model == Model::Full => {
@@ -77,8 +121,9 @@ fn settings(args: &RenderArgs, stage: &Stage) -> Result<RenderSettings, String> 
             scene::Lod::Auto
         }
         Lod::Level(index) => {
-            let place = stage.model().indices().position(|level| level as usize == index);
-            let levels = stage.model().level_count();
+            let indices = stage.indices();
+            let place = indices.iter().position(|&level| level as usize == index);
+            let levels = indices.len();
             scene::Lod::Fixed(
                 place.ok_or_else(|| format!("`--lod` is {index}; wanted 1 to {levels}, the levels there are"))?,
             )
@@ -112,17 +157,30 @@ fn model(model: Model) -> build::Model {
 }
 
 /// The image, and the CPU seconds that it took.
-fn draw(args: &RenderArgs, stage: &Stage, settings: &RenderSettings) -> (Film, f64) {
-    let scene = stage.scene();
-    let mut film = Film::new(stage.film());
+fn draw(args: &RenderArgs, stage: &Shown, settings: &RenderSettings) -> (Film, f64) {
+    match stage {
+        Shown::Surface(stage) => {
+            let scene = stage.scene();
+            draw_passes(args, stage.film(), |samples, film| renderer::render(&scene, settings, samples, film))
+        }
+        Shown::Volume(stage) => {
+            let scene = stage.scene();
+            draw_passes(args, stage.film(), |samples, film| volume::render::render(&scene, settings, samples, film))
+        }
+    }
+}
+
+/// The image made of passes of samples, and the CPU seconds that it took.
+fn draw_passes(args: &RenderArgs, size: [usize; 2], mut draw: impl FnMut(Range<u64>, &mut Film)) -> (Film, f64) {
+    let mut film = Film::new(size);
     let started = cpu_seconds();
     match args.time {
-        None => renderer::render(&scene, settings, 0..u64::from(args.spp), &mut film),
+        None => draw(0..u64::from(args.spp), &mut film),
         Some(seconds) => {
             // doubling passes: the last may take as long as all before it, so it is cut to what is left
             let (mut done, mut pass) = (0, 1);
             loop {
-                renderer::render(&scene, settings, done..done + pass, &mut film);
+                draw(done..done + pass, &mut film);
                 done += pass;
                 let spent = cpu_seconds() - started;
                 let left = (seconds - spent) / spent.max(1e-6) * done as f64;

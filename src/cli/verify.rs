@@ -16,6 +16,9 @@ pub(super) fn run(args: &VerifyArgs) -> u8 {
             return SENSELESS;
         }
     };
+    for volume in &plan.volumes {
+        complain("warning", &format!("`{}`: volumes are not verified in this version", volume.name));
+    }
     let most_levels = plan.surfaces.iter().map(|surface| surface.levels.len()).max().unwrap_or(0);
     if let Some(level) = args.level.filter(|level| *level > most_levels) {
         complain("error", &format!("`--level` is {level}; wanted 1 to {most_levels}, the levels of the manifest"));

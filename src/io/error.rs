@@ -71,7 +71,7 @@ pub enum Error {
     Damaged {
         /// The file.
         file: String,
-        /// `EXR`, `PNG`, `TIFF`, `JPEG`, `HDR`.
+        /// `EXR`, `PNG`, `TIFF`, `JPEG`, `HDR`, `VOL`.
         format: &'static str,
         /// What the decoder found.
         found: String,
@@ -93,6 +93,44 @@ pub enum Error {
         wanted: Option<String>,
         /// Those that exist.
         found: Vec<String>,
+    },
+    /// A grid of more voxels than are admissible, or of none.
+    GridSize {
+        /// The file.
+        file: String,
+        /// Claimed voxels along x, y and z.
+        size: [u64; 3],
+    },
+    /// A grid whose array is shorter or longer than its size says.
+    GridLength {
+        /// The file.
+        file: String,
+        /// Claimed voxels along x, y and z.
+        size: [usize; 3],
+        /// Bytes of a voxel.
+        bytes_per_voxel: usize,
+        /// Bytes there.
+        found: u64,
+        /// Bytes of such a grid.
+        wanted: u64,
+    },
+    /// A grid of another kind than its place asks for.
+    GridKind {
+        /// The file.
+        file: String,
+        /// What it holds.
+        found: String,
+        /// What would do.
+        wanted: String,
+    },
+    /// A number of a voxel is NaN or infinite.
+    VoxelNotFinite {
+        /// The file.
+        file: String,
+        /// x, y and z, from 0.
+        voxel: [usize; 3],
+        /// The value.
+        value: f32,
     },
     /// A sample is NaN or infinite.
     NotFinite {
@@ -159,6 +197,19 @@ impl fmt::Display for Error {
             }
             Self::Channel { file, wanted: None, found } => {
                 write!(f, "`{file}`: has the channels {}; wanted one of them as `channel`", list(found))
+            }
+            Self::GridSize { file, size: [x, y, z] } => write!(
+                f,
+                "`{file}`: has {x} × {y} × {z} voxels; wanted 1 to {} (512³); crop or downsample the volume",
+                super::grid::MAX_VOXELS
+            ),
+            Self::GridLength { file, size: [x, y, z], bytes_per_voxel, found, wanted } => write!(
+                f,
+                "`{file}`: {x} × {y} × {z} voxels of {bytes_per_voxel} bytes take {wanted} bytes; the file has {found}"
+            ),
+            Self::GridKind { file, found, wanted } => write!(f, "`{file}`: holds {found}; wanted {wanted}"),
+            Self::VoxelNotFinite { file, voxel: [x, y, z], value } => {
+                write!(f, "`{file}`: voxel ({x}, {y}, {z}) is {value}; wanted finite values only")
             }
             Self::NotFinite { file, texel: [u, v], value } => {
                 write!(f, "`{file}`: texel ({u}, {v}) is {value}; wanted finite values only")

@@ -1,4 +1,4 @@
-//! Every byte in or out: height maps, colour maps, environments, renderings, and the folders that assets are published
+//! Every byte in or out: height maps, colour maps, voxel grids, environments, renderings, and the folders that assets are published
 //! in.
 //!
 //! A file is read once, whole, as a [`SourceFile`]; what is decoded is what was hashed. Its kind follows from its
@@ -10,6 +10,7 @@ pub mod environment;
 mod error;
 mod exr_image;
 pub mod exr_writer;
+pub mod grid;
 pub mod heights;
 mod jpeg_image;
 mod png_image;

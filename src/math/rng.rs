@@ -60,6 +60,34 @@ impl Stream {
     }
 }
 
+/// The numbers of a stream one after the other, for walks that do not know beforehand how many they need.
+#[derive(Clone, Copy, Debug)]
+pub struct Draws {
+    stream: Stream,
+    next: u64,
+}
+
+impl Draws {
+    /// From the start of `stream`.
+    #[inline]
+    pub fn new(stream: Stream) -> Self {
+        Self { stream, next: 0 }
+    }
+
+    /// Uniform in [0, 1).
+    #[inline]
+    pub fn uniform(&mut self) -> f32 {
+        self.pair()[0]
+    }
+
+    /// Uniform in [0, 1)².
+    #[inline]
+    pub fn pair(&mut self) -> [f32; 2] {
+        self.next += 1;
+        self.stream.uniform_pair(self.next - 1)
+    }
+}
+
 /// The upper 24 of 32 bits as a fraction: every value is exact, and 1 cannot be reached.
 #[inline]
 fn unit(bits: u64) -> f32 {

@@ -9,6 +9,7 @@ pub mod error_map;
 pub mod flip;
 pub mod html;
 mod inspected;
+mod inspected_volume;
 pub mod metrics;
 mod planned;
 pub mod summary;
@@ -21,7 +22,8 @@ pub mod verify;
 
 pub use html::{CaseKey, CasePictures, ModelPictures, Pictures};
 pub use inspected::{Inspected, asset_json, asset_text};
-pub use planned::planned;
-pub use table::level_table;
+pub use inspected_volume::{InspectedVolume, volume_json, volume_text};
+pub use planned::{planned, planned_volume};
+pub use table::{level_table, volume_table};
 pub use verification::Verification;
 pub use verified::{level_json, verification_table};

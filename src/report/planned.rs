@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 
-use crate::build::SurfaceSpec;
+use crate::build::{SurfaceSpec, VolumeSpec};
 
 /// The levels that would be built of a surface, one a line.
 pub fn planned(surface: &SurfaceSpec, out: &Path, as_json: bool) -> String {
@@ -31,4 +31,24 @@ pub fn planned(surface: &SurfaceSpec, out: &Path, as_json: bool) -> String {
         };
     }
     text
+}
+
+/// The levels that would be built of a volume, one a line.
+pub fn planned_volume(volume: &VolumeSpec, out: &Path, as_json: bool) -> String {
+    let asset = out.join(&volume.name).join(formats::asset::DOCUMENT);
+    let (asset, name, density) = (asset.display(), &volume.name, &volume.density.grid.file);
+    let line = |(i, factor): (usize, &usize)| match as_json {
+        true => {
+            let line = json!({
+                "name": name, "level": i + 1, "factor": factor, "lobes": volume.lobes, "clusters": volume.clusters,
+                "density": density, "asset": asset.to_string(),
+            });
+            format!("{line}\n")
+        }
+        false => {
+            let lobes = volume.lobes.map_or("auto".into(), |lobes| lobes.to_string());
+            format!("{name} level {}: factor {factor}, {lobes} lobes: {density} -> {asset}\n", i + 1)
+        }
+    };
+    volume.levels.iter().enumerate().map(line).collect()
 }

@@ -2,6 +2,7 @@
 
 use formats::asset::Figure;
 
+use crate::build::volume::VolumeRecord;
 use crate::build::{LevelRecord, StageSeconds};
 
 /// Rows as aligned columns, the last one ragged; the first row is the header.
@@ -50,6 +51,32 @@ fn row(record: &LevelRecord) -> Vec<String> {
 /// `4` or `4 × 2`.
 pub(super) fn grid([u, v]: [usize; 2]) -> String {
     if u == v { u.to_string() } else { format!("{u} × {v}") }
+}
+
+/// The levels of volumes that were built, one a row; empty where there are none.
+pub fn volume_table(records: &[VolumeRecord]) -> String {
+    if records.is_empty() {
+        return String::new();
+    }
+    let header = ["name", "level", "voxels", "occupied", "lobes", "averages", "error", "bytes", "CPU seconds"];
+    let mut rows = vec![header.map(String::from).to_vec()];
+    rows.extend(records.iter().map(|record| {
+        let [x, y, z] = record.size;
+        let error =
+            |which: usize| record.validation.map_or("–".into(), |errors| format!("{:.2} %", errors[which] * 100.0));
+        vec![
+            record.name.clone(),
+            record.level.to_string(),
+            format!("{x} × {y} × {z}"),
+            record.occupied.to_string(),
+            record.lobes.to_string(),
+            error(0),
+            error(1),
+            record.bytes.values().sum::<u64>().to_string(),
+            stages(&record.stages),
+        ]
+    }));
+    aligned(&rows)
 }
 
 /// `8` or `8.03 × 7.97`.

@@ -302,7 +302,7 @@ impl<'s, 'a> Path<'s, 'a> {
 
 /// Weight of a sample of density `own` where another way to find it has density `other`.
 #[inline]
-fn power_heuristic(own: f32, other: f32) -> f32 {
+pub(super) fn power_heuristic(own: f32, other: f32) -> f32 {
     // a quotient first: squares of the densities of narrow lobes overflow
     let ratio = other / own;
     1.0 / (1.0 + ratio * ratio)

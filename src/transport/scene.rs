@@ -85,30 +85,30 @@ impl<'a> SurfaceObject<'a> {
         Some((major.min(MAX_ANISOTROPY * minor) * minor).sqrt())
     }
 
-    /// The level that a path with the random number `u` draws for the footprint φ: between factors a <= φ <= b the
-    /// coarser has the weight (ln φ − ln a)/(ln b − ln a).
-    fn level_of_footprint(&self, texels: f64, u: f32) -> usize {
-        let next = self.levels.partition_point(|level| level.factor <= texels);
-        match next {
-            0 => 0,
-            n if n == self.levels.len() => n - 1,
-            n => {
-                let [a, b] = [n - 1, n].map(|k| self.levels[k].factor.ln());
-                if f64::from(u) < (texels.ln() - a) / (b - a) { n } else { n - 1 }
-            }
-        }
-    }
-
     /// The level for a camera ray (base frame). A ray that misses the base takes the coarsest.
     pub(super) fn level(&self, ray: &CameraRay, lod: Lod, u: f32) -> &RenderLevel<'a> {
         let place = match lod {
             Lod::Fixed(place) => place.min(self.levels.len() - 1),
             Lod::Auto if self.levels.len() == 1 => 0,
             Lod::Auto => {
-                self.footprint_texels(ray).map_or(self.levels.len() - 1, |texels| self.level_of_footprint(texels, u))
+                let factors = self.levels.iter().map(|level| level.factor);
+                let texels = self.footprint_texels(ray);
+                texels.map_or(self.levels.len() - 1, |texels| level_of_footprint(factors, texels, u))
             }
         };
         &self.levels[place]
+    }
+}
+
+/// The level that a path with the random number `u` draws for the footprint φ: between factors a <= φ <= b the coarser has
+/// the weight (ln φ − ln a)/(ln b − ln a). `factors` rise.
+pub(super) fn level_of_footprint(factors: impl Iterator<Item = f64> + Clone, footprint: f64, u: f32) -> usize {
+    let next = factors.clone().take_while(|&factor| factor <= footprint).count();
+    let mut around = factors.skip(next.saturating_sub(1));
+    match (next, around.next(), around.next()) {
+        (0, ..) | (_, _, None) => next.saturating_sub(1),
+        (_, Some(a), Some(b)) if f64::from(u) < (footprint / a).ln() / (b / a).ln() => next,
+        _ => next - 1,
     }
 }
 
@@ -156,7 +156,7 @@ impl CameraRay {
 }
 
 /// A vector of the world in the base frame.
-fn vector_in_base(world: DVec3) -> DVec3 {
+pub(super) fn vector_in_base(world: DVec3) -> DVec3 {
     DVec3::new(world.x, -world.z, world.y)
 }
 

@@ -8,3 +8,4 @@ mod project;
 mod rendering;
 mod repeatability;
 mod tradeoff;
+mod volumes;

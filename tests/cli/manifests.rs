@@ -21,7 +21,7 @@ fn every_mistake_is_reported_at_once() {
 #[test]
 fn mistakes_of_syntax_have_a_place() {
     for (manifest, wanted) in [
-        ("", "1:1: the manifest has no `[surface.NAME]` table; wanted at least one\n"),
+        ("", "1:1: the manifest has no `[surface.NAME]` and no `[volume.NAME]` table; wanted at least one\n"),
         ("surface = 3\n", "1:1: `surface` is not a table; wanted `[surface.NAME]`\n"),
         ("scene = 3\n[surface]\n", "1:1: `scene` is not a table; wanted `[scene.NAME]`\n"),
         ("[surface]\n[scene]\nshop = 3\n", "3:1: `scene.shop` is not a table; wanted `[scene.shop]`\n"),

@@ -7,7 +7,7 @@ const FALSE_ALARMS: f64 = 0.01;
 
 /// The p-value under which a test fails, by Šidák: 1 − (1 − budget)^(1/tests).
 pub(crate) fn threshold() -> f64 {
-    let tests = crate::brdfs::test_count() + crate::leadr::test_count();
+    let tests = crate::brdfs::test_count() + crate::leadr::test_count() + crate::sggx::test_count();
     1.0 - (1.0 - FALSE_ALARMS).powf(1.0 / tests as f64)
 }
 

@@ -7,3 +7,4 @@ mod brdfs;
 mod budget;
 mod chi_square;
 mod leadr;
+mod sggx;

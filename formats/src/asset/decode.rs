@@ -8,7 +8,7 @@ use crate::ktx2::{self, Texels};
 use half::f16;
 
 /// Gives the bytes of the file of this name, of which there are at most so many.
-pub(super) type Fetch<'a> = dyn FnMut(&str, u64) -> Result<Vec<u8>, Error> + 'a;
+pub(crate) type Fetch<'a> = dyn FnMut(&str, u64) -> Result<Vec<u8>, Error> + 'a;
 
 impl SurfaceAsset {
     /// The asset whose files `fetch` gives by name, `asset.json` first.
@@ -27,23 +27,32 @@ impl SurfaceAsset {
 
 /// The files of a level with their roles, in the order of the roles: each exactly once, under a safe name.
 pub(super) fn files_of(level: &LevelDocument) -> Result<Vec<(Role, &FileDocument)>, Error> {
-    let place = |what: &str| format!("level {}, {what}", level.index);
     let roles = level.shape().roles();
-    if let Some(file) = level.files.iter().find(|file| !roles.iter().any(|role| role.name() == file.role)) {
+    let files = files_of_roles(level.index, &level.files, &roles.iter().map(|role| role.name()).collect::<Vec<_>>())?;
+    Ok(roles.into_iter().zip(files).collect())
+}
+
+/// The files of the roles `names` of level `index`, in their order: each exactly once, under a safe name, and no other.
+pub(crate) fn files_of_roles<'a>(
+    index: u32,
+    files: &'a [FileDocument],
+    names: &[String],
+) -> Result<Vec<&'a FileDocument>, Error> {
+    let place = |what: &str| format!("level {index}, {what}");
+    if let Some(file) = files.iter().find(|file| !names.contains(&file.role)) {
         let found = format!("`{}`", file.role);
         return Err(Error::malformed(DOCUMENT, place("`files`"), "only the roles that its counts ask for", found));
     }
-    let find = |role: Role| {
-        let name = role.name();
-        let mut files = level.files.iter().filter(|file| file.role == name);
+    let find = |name: &String| {
+        let mut files = files.iter().filter(|file| file.role == *name);
         let (file, second) = (files.next(), files.next());
         let count = if second.is_some() { "two" } else { "none" };
         let file = file.filter(|_| second.is_none());
         let file = file.ok_or_else(|| Error::malformed(DOCUMENT, place("`files`"), format!("one `{name}`"), count))?;
-        check_name(file).map_err(|(wanted, found)| Error::malformed(DOCUMENT, place(&name), wanted, found))?;
-        Ok((role, file))
+        check_name(file).map_err(|(wanted, found)| Error::malformed(DOCUMENT, place(name), wanted, found))?;
+        Ok(file)
     };
-    roles.into_iter().map(find).collect()
+    names.iter().map(find).collect()
 }
 
 /// A plain file name of letters, digits, `.`, `_` and `-` that leaves the asset's folder on no system.
@@ -61,7 +70,7 @@ fn check_name(file: &FileDocument) -> Result<(), (&'static str, String)> {
 }
 
 /// The bytes of a payload, if they are those that were published.
-pub(super) fn fetch_checked(file: &FileDocument, most: u64, fetch: &mut Fetch<'_>) -> Result<Vec<u8>, Error> {
+pub(crate) fn fetch_checked(file: &FileDocument, most: u64, fetch: &mut Fetch<'_>) -> Result<Vec<u8>, Error> {
     let bytes = fetch(&file.path, most)?;
     let found = blake3::hash(&bytes).to_hex();
     if found.as_str() != file.digest {
@@ -101,7 +110,7 @@ fn decode_level(level: &LevelDocument, fetch: &mut Fetch<'_>) -> Result<SurfaceL
         match (role, ktx2::read(path, &bytes, role.format(), shape.size(role))?) {
             (Role::Heights, Texels::Single(heights)) => decoded.heights = heights_of(path, heights)?,
             (_, Texels::Half(texels)) => place_texels(&mut decoded, role, path, &texels)?,
-            (_, Texels::Single(_)) => unreachable!("heights alone are single"),
+            _ => unreachable!("`read` gives what it was asked for"),
         }
     }
     Ok(decoded)

@@ -6,18 +6,18 @@ use crate::Error;
 use crate::cell_brdf::Specular;
 
 /// Value of `format`.
-const FORMAT: &str = "farfield";
+pub(crate) const FORMAT: &str = "farfield";
 /// Value of `kind`.
 const KIND: &str = "surface";
 /// Most bytes of `asset.json`; real ones have a few kilobytes a level.
-pub(super) const MAX_DOCUMENT_LENGTH: u64 = 1 << 20;
+pub(crate) const MAX_DOCUMENT_LENGTH: u64 = 1 << 20;
 
 /// The keys that say how to read the others.
 #[derive(Deserialize)]
-struct Preamble {
+pub(crate) struct Preamble {
     format: String,
     version: u64,
-    kind: String,
+    pub(crate) kind: String,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -80,10 +80,10 @@ struct AdditiveDocument {
 }
 
 #[derive(Serialize, Deserialize)]
-pub(super) struct FileDocument {
-    pub(super) role: String,
-    pub(super) path: String,
-    pub(super) digest: String,
+pub(crate) struct FileDocument {
+    pub(crate) role: String,
+    pub(crate) path: String,
+    pub(crate) digest: String,
 }
 
 impl Document {
@@ -116,22 +116,7 @@ impl Document {
 
     /// The document in `bytes`, its counts and numbers checked.
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, Error> {
-        if bytes.len() as u64 > MAX_DOCUMENT_LENGTH {
-            let wanted = format!("at most {MAX_DOCUMENT_LENGTH} bytes");
-            return Err(Error::malformed(DOCUMENT, "length", wanted, format!("{} bytes", bytes.len())));
-        }
-        let fail = |error: serde_json::Error| {
-            let place = format!("line {}, column {}", error.line(), error.column());
-            Error::malformed(DOCUMENT, place, "a farfield asset of version 1", error)
-        };
-        let preamble: Preamble = serde_json::from_slice(bytes).map_err(fail)?;
-        let expect = |place, wanted: String, found: String| {
-            if wanted == found { Ok(()) } else { Err(Error::malformed(DOCUMENT, place, wanted, found)) }
-        };
-        expect("`format`", FORMAT.into(), preamble.format)?;
-        expect("`version`", VERSION.to_string(), preamble.version.to_string())?;
-        expect("`kind`", KIND.into(), preamble.kind)?;
-        let document: Self = serde_json::from_slice(bytes).map_err(fail)?;
+        let document: Self = parse_document(bytes, KIND)?;
         document.check().map_err(|fault| Error::malformed(DOCUMENT, fault.place, fault.wanted, fault.found))?;
         Ok(document)
     }
@@ -263,27 +248,62 @@ impl LevelDocument {
     }
 }
 
+/// The keys of `asset.json` for an asset of this kind, its preamble checked first.
+pub(crate) fn parse_document<T: serde::de::DeserializeOwned>(bytes: &[u8], kind: &str) -> Result<T, Error> {
+    let preamble = parse_preamble(bytes)?;
+    if preamble.kind != kind {
+        return Err(Error::malformed(DOCUMENT, "`kind`", kind, preamble.kind));
+    }
+    serde_json::from_slice(bytes).map_err(syntax)
+}
+
+/// The kind that `asset.json` names; its format and version are those that this crate reads.
+pub(crate) fn parse_preamble(bytes: &[u8]) -> Result<Preamble, Error> {
+    if bytes.len() as u64 > MAX_DOCUMENT_LENGTH {
+        let wanted = format!("at most {MAX_DOCUMENT_LENGTH} bytes");
+        return Err(Error::malformed(DOCUMENT, "length", wanted, format!("{} bytes", bytes.len())));
+    }
+    let preamble: Preamble = serde_json::from_slice(bytes).map_err(syntax)?;
+    let expect = |place, wanted: String, found: &str| {
+        if wanted == found { Ok(()) } else { Err(Error::malformed(DOCUMENT, place, wanted, found)) }
+    };
+    expect("`format`", FORMAT.into(), &preamble.format)?;
+    expect("`version`", VERSION.to_string(), &preamble.version.to_string())?;
+    Ok(preamble)
+}
+
+/// JSON that is not what serde was asked for.
+fn syntax(error: serde_json::Error) -> Error {
+    let place = format!("line {}, column {}", error.line(), error.column());
+    Error::malformed(DOCUMENT, place, "a farfield asset of version 1", error)
+}
+
 /// What is wrong with a document, by whomever it was made.
-pub(super) struct Fault {
-    pub(super) place: String,
-    pub(super) wanted: String,
-    pub(super) found: String,
+pub(crate) struct Fault {
+    pub(crate) place: String,
+    pub(crate) wanted: String,
+    pub(crate) found: String,
 }
 
 impl Fault {
-    fn new(place: impl Into<String>, wanted: impl ToString, found: impl ToString) -> Self {
+    pub(crate) fn new(place: impl Into<String>, wanted: impl ToString, found: impl ToString) -> Self {
         Self { place: place.into(), wanted: wanted.to_string(), found: found.to_string() }
     }
 }
 
 /// Refuses what is outside [low, high], and NaN.
-fn within<T: PartialOrd + std::fmt::Debug>(place: impl Into<String>, value: T, low: T, high: T) -> Result<(), Fault> {
+pub(crate) fn within<T: PartialOrd + std::fmt::Debug>(
+    place: impl Into<String>,
+    value: T,
+    low: T,
+    high: T,
+) -> Result<(), Fault> {
     if (&low..=&high).contains(&&value) {
         return Ok(());
     }
     Err(Fault::new(place, format!("{low:?} to {high:?}"), format!("{value:?}")))
 }
 
-pub(super) fn is_digest(text: &str) -> bool {
+pub(crate) fn is_digest(text: &str) -> bool {
     text.len() == 64 && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
 }

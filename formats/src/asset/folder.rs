@@ -52,7 +52,7 @@ impl SurfaceAsset {
     }
 }
 
-fn read_bounded(dir: &Path, name: &str, most: u64) -> Result<Vec<u8>, Error> {
+pub(crate) fn read_bounded(dir: &Path, name: &str, most: u64) -> Result<Vec<u8>, Error> {
     let path = dir.join(name);
     let fail = |source: io::Error| Error::Io { path: path.clone(), source };
     // Asked before opening: opening a pipe would wait for its writer.

@@ -3,11 +3,11 @@
 //! [`SurfaceAsset::encode`] gives the bytes of every file, [`SurfaceAsset::read`] and [`SurfaceAsset::decode`] take
 //! them apart again and refuse whatever is not exactly as written, [`SurfaceLevel::f_low`] is what it all stands for.
 
-mod decode;
-mod document;
+pub(crate) mod decode;
+pub(crate) mod document;
 mod encode;
 mod evaluate;
-mod folder;
+pub(crate) mod folder;
 mod payload;
 
 pub use folder::PayloadFile;
@@ -23,6 +23,26 @@ pub const VERSION: u32 = 1;
 
 /// Name of the file that names all others.
 pub const DOCUMENT: &str = "asset.json";
+
+/// What an asset is made from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A displacement map: [`SurfaceAsset`].
+    Surface,
+    /// A cloud of microflakes: [`crate::VolumeAsset`].
+    Volume,
+}
+
+impl Kind {
+    /// The kind of the asset whose `asset.json` has these bytes.
+    pub fn of(document: &[u8]) -> Result<Self, crate::Error> {
+        match document::parse_preamble(document)?.kind.as_str() {
+            "surface" => Ok(Self::Surface),
+            "volume" => Ok(Self::Volume),
+            other => Err(crate::Error::malformed(DOCUMENT, "`kind`", "surface or volume", other)),
+        }
+    }
+}
 
 /// Largest magnitude that a half float payload may hold; halves end at 65504.
 pub const MAX_HALF: f32 = 6e4;

@@ -8,11 +8,13 @@ mod fields;
 mod mistake;
 mod scene;
 mod surface;
+mod volume;
 
 pub(crate) use fields::closest;
 pub use mistake::Mistake;
-pub use scene::{CameraSpec, Displacement, LightSpec, MAX_LIGHTS, ObjectSpec, Projection, SceneSpec};
+pub use scene::{CameraSpec, Displacement, LightSpec, MAX_LIGHTS, ObjectSpec, PlaneSpec, Projection, SceneSpec};
 pub use surface::SurfaceSpec;
+pub use volume::{AlbedoSpec, AlongSpec, DensitySpec, GridSpec, Optimizer, SggxSpec, VolumeSpec};
 
 use std::borrow::Cow;
 
@@ -31,7 +33,9 @@ const ERROR_WANTED: &str = "a number greater than 0 and at most 1";
 pub struct Manifest {
     /// The surfaces, by name.
     pub surfaces: Vec<SurfaceSpec>,
-    /// The scenes, by name; one may share its name with a surface.
+    /// The volumes, by name; none has the name of a surface.
+    pub volumes: Vec<VolumeSpec>,
+    /// The scenes, by name; one may share its name with a surface or a volume.
     pub scenes: Vec<SceneSpec>,
 }
 
@@ -64,25 +68,30 @@ fn syntax_message(message: &str) -> String {
 fn read_root(root: &DeTable<'_>, mistakes: &mut Mistakes<'_>) -> Manifest {
     let mut fields = Fields::new(root, fields::ROOT.into(), 0, mistakes);
     let error = fields.table("build", |build| build.number("error", ERROR_WANTED, is_error)).flatten();
-    let (surfaces, scenes) = (fields.raw("surface"), fields.raw("scene"));
-    fields.refuse("volume", "volumes are not supported in this version; wanted `[surface.NAME]` tables");
+    let (surfaces, scenes, volumes) = (fields.raw("surface"), fields.raw("scene"), fields.raw("volume"));
     fields.finish();
-    if surfaces.is_none() {
-        mistakes.push_missing(0, "the manifest has no `[surface.NAME]` table; wanted at least one".into());
+    if surfaces.is_none() && volumes.is_none() {
+        let message = "the manifest has no `[surface.NAME]` and no `[volume.NAME]` table; wanted at least one";
+        mistakes.push_missing(0, message.into());
     }
     let none = DeTable::default();
     let surfaces = named_tables("surface", surfaces, mistakes).unwrap_or(&none);
     let scenes = named_tables("scene", scenes, mistakes).unwrap_or(&none);
-    check_case(surfaces, mistakes);
+    let volumes = named_tables("volume", volumes, mistakes).unwrap_or(&none);
+    check_names(surfaces, volumes, mistakes);
     let error = error.unwrap_or(DEFAULT_ERROR);
     let surface_specs = surfaces
         .iter()
         .filter_map(|(name, value)| surface::read(name.get_ref(), open("surface", name, value, mistakes)?, error));
     let surface_specs = surface_specs.collect();
-    let scene_specs = scenes
+    let volume_specs = volumes
         .iter()
-        .filter_map(|(name, value)| scene::read(name.get_ref(), open("scene", name, value, mistakes)?, surfaces));
-    Manifest { surfaces: surface_specs, scenes: scene_specs.collect() }
+        .filter_map(|(name, value)| volume::read(name.get_ref(), open("volume", name, value, mistakes)?, error));
+    let volume_specs = volume_specs.collect();
+    let scene_specs = scenes.iter().filter_map(|(name, value)| {
+        scene::read(name.get_ref(), open("scene", name, value, mistakes)?, surfaces, volumes)
+    });
+    Manifest { surfaces: surface_specs, volumes: volume_specs, scenes: scene_specs.collect() }
 }
 
 /// The table whose entries are `[KIND.NAME]`s.
@@ -131,14 +140,16 @@ fn is_file_safe(name: &str) -> bool {
     (1..=64).contains(&name.len()) && name.chars().all(safe) && !name.starts_with('-')
 }
 
-/// Names that differ in case alone are one folder on some systems.
-fn check_case(surfaces: &DeTable<'_>, mistakes: &mut Mistakes<'_>) {
+/// Names of one asset twice, and names that differ in case alone, which are one folder on some systems.
+fn check_names(surfaces: &DeTable<'_>, volumes: &DeTable<'_>, mistakes: &mut Mistakes<'_>) {
     let mut seen = std::collections::BTreeMap::new();
-    for name in surfaces.keys() {
-        if let Some(other) = seen.insert(name.get_ref().to_lowercase(), name.get_ref()) {
-            let message = format!("the names `{other}` and `{}` differ in case alone", name.get_ref());
-            mistakes.push(name.span().start, message);
-        }
+    for name in surfaces.keys().chain(volumes.keys()) {
+        let Some(other) = seen.insert(name.get_ref().to_lowercase(), name.get_ref()) else { continue };
+        let message = match other == name.get_ref() {
+            true => format!("`{other}` is a surface and a volume; wanted names of their own"),
+            false => format!("the names `{other}` and `{}` differ in case alone", name.get_ref()),
+        };
+        mistakes.push(name.span().start, message);
     }
 }
 

@@ -6,7 +6,7 @@ mod object;
 
 pub use camera::{CameraSpec, Projection};
 pub use light::LightSpec;
-pub use object::{Displacement, ObjectSpec};
+pub use object::{Displacement, ObjectSpec, PlaneSpec};
 
 use toml::de::DeTable;
 
@@ -58,16 +58,21 @@ const DEFAULT_FILM: u64 = 256;
 /// The largest length in metres, as for surfaces.
 const MAX_METRES: f64 = 1e9;
 
-/// Reads the scene `name`, whose objects may be any of `surfaces`; `None` where something is missing or wrong, which is
-/// then noted.
-pub(super) fn read(name: &str, mut fields: Fields<'_, '_, '_, '_>, surfaces: &DeTable<'_>) -> Option<SceneSpec> {
+/// Reads the scene `name`, whose objects may be any of `surfaces` and `volumes`; `None` where something is missing or wrong,
+/// which is then noted.
+pub(super) fn read(
+    name: &str,
+    mut fields: Fields<'_, '_, '_, '_>,
+    surfaces: &DeTable<'_>,
+    volumes: &DeTable<'_>,
+) -> Option<SceneSpec> {
     fields.require("camera", "a table, as in `{ position = [0, 0.3, 0.4], target = [0, 0, 0], fov = 40 }`");
     fields.require(LIGHTS.key, LIGHTS.wanted);
     fields.require(OBJECTS.key, OBJECTS.wanted);
     let camera = fields.table("camera", camera::read).flatten();
     let film = fields.table("film", read_film).unwrap_or([DEFAULT_FILM; 2]);
     let lights = fields.tables(&LIGHTS, light::read);
-    let objects = fields.tables(&OBJECTS, |object| object::read(object, surfaces));
+    let objects = fields.tables(&OBJECTS, |object| object::read(object, surfaces, volumes));
     fields.finish();
     Some(SceneSpec {
         name: name.into(),

@@ -1,4 +1,4 @@
-//! What illuminates a scene: directional, area, constant and image lights.
+//! What illuminates a scene: directional, area, constant, spherical-harmonic and image lights.
 //!
 //! World frame: right-handed, y up, metres. Directions are unit vectors that point away from the lit point, to the
 //! light. A [`Light`] answers three questions: which direction to try ([`Light::sample`]), with which density that
@@ -12,6 +12,7 @@
 mod area;
 mod distant;
 mod environment;
+mod harmonics;
 mod lights;
 
 use glam::{DVec3, Vec3};
@@ -19,6 +20,7 @@ use glam::{DVec3, Vec3};
 pub use area::AreaLight;
 pub use distant::{ConstantLight, DirectionalLight};
 pub use environment::ImageLight;
+pub use harmonics::ShLight;
 pub use lights::Lights;
 
 /// A source of light.
@@ -32,6 +34,8 @@ pub enum Light {
     Constant(ConstantLight),
     /// An environment map.
     Image(ImageLight),
+    /// An environment of spherical harmonics.
+    Sh(ShLight),
 }
 
 /// A direction to a light and what comes from there, if nothing is between.
@@ -62,6 +66,10 @@ impl Light {
             Self::Area(light) => light.sample(from, u),
             Self::Constant(light) => light.sample(u),
             Self::Image(light) => light.sample(u),
+            Self::Sh(light) => {
+                let sample = ConstantLight { radiance: [0.0; 3] }.sample(u)?;
+                Some(LightSample { radiance: light.radiance(sample.wi), ..sample })
+            }
         }
     }
 
@@ -75,6 +83,7 @@ impl Light {
             Self::Area(light) => light.emitted(origin, direction),
             Self::Constant(light) => Some((f64::INFINITY, light.radiance)),
             Self::Image(light) => Some((f64::INFINITY, light.radiance(direction))),
+            Self::Sh(light) => Some((f64::INFINITY, light.radiance(direction))),
         }
     }
 
@@ -83,7 +92,7 @@ impl Light {
         match self {
             Self::Directional(_) => 0.0,
             Self::Area(light) => light.pdf(origin, direction),
-            Self::Constant(_) => ConstantLight::pdf(direction),
+            Self::Constant(_) | Self::Sh(_) => ConstantLight::pdf(direction),
             Self::Image(light) => light.pdf(direction),
         }
     }
@@ -102,6 +111,7 @@ impl Light {
             Self::Area(light) => light.strength(from),
             Self::Constant(light) => light.strength(),
             Self::Image(light) => light.strength(),
+            Self::Sh(light) => light.strength(),
         }
     }
 

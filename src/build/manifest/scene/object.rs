@@ -1,4 +1,4 @@
-//! `objects = [{ mesh = …, surface = … }]`.
+//! `objects = [{ mesh = …, surface = … }]` or `[{ volume = … }]`.
 
 use toml::de::{DeTable, DeValue};
 
@@ -6,9 +6,21 @@ use super::super::fields::{Fields, closest, integer, quoted};
 use super::super::{is_file_safe, surface};
 use super::MAX_METRES;
 
+/// What a scene shows.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ObjectSpec {
+    /// A plane of a surface.
+    Surface(PlaneSpec),
+    /// A volume around the origin, z of its grid up.
+    Volume {
+        /// Name of its `[volume.NAME]`.
+        volume: String,
+    },
+}
+
 /// A surface in a scene: a plane in the world's xz plane, centred at the origin, tiled by the surface.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ObjectSpec {
+pub struct PlaneSpec {
     /// Name of its `[surface.NAME]`.
     pub surface: String,
     /// How often the surface is repeated along u and v.
@@ -36,14 +48,31 @@ const MAX_TILES: u64 = 1_000_000;
 /// What `mesh` may be, for messages.
 const MESH: &str = "`\"plane\"`";
 
-/// Reads an object whose surface is one of `surfaces`; `None` where something is missing or wrong, which is then noted.
-pub(super) fn read(fields: &mut Fields<'_, '_, '_, '_>, surfaces: &DeTable<'_>) -> Option<ObjectSpec> {
+/// Reads an object that is one of `surfaces` or `volumes`; `None` where something is missing or wrong, which is then noted.
+pub(super) fn read(
+    fields: &mut Fields<'_, '_, '_, '_>,
+    surfaces: &DeTable<'_>,
+    volumes: &DeTable<'_>,
+) -> Option<ObjectSpec> {
+    if fields.has("volume") {
+        return read_volume(fields, volumes).map(|volume| ObjectSpec::Volume { volume });
+    }
     read_mesh(fields);
-    fields.refuse("volume", "volumes are not supported in this version; wanted `surface`");
-    let surface = read_surface(fields, surfaces);
+    let _ = fields.raw("volume");
+    fields.require("surface", "the name of a `[surface.NAME]` of the manifest, or `volume`, that of a `[volume.NAME]`");
+    let surface = read_name(fields, "surface", surfaces);
     let tiling = read_tiling(fields, surface.as_deref().and_then(|name| surfaces.get(name)?.get_ref().as_table()));
     let displacement = read_displacement(fields);
-    Some(ObjectSpec { surface: surface?, tiling: tiling.unwrap_or([1, 1]), displacement })
+    Some(ObjectSpec::Surface(PlaneSpec { surface: surface?, tiling: tiling.unwrap_or([1, 1]), displacement }))
+}
+
+/// The name of a volume, beside which nothing stands yet.
+fn read_volume(fields: &mut Fields<'_, '_, '_, '_>, volumes: &DeTable<'_>) -> Option<String> {
+    fields.refuse("surface", "`surface` stands beside `volume`; wanted one of them");
+    for key in ["mesh", "tiling", "displacement"] {
+        fields.refuse(key, &format!("`{key}` of a volume is not supported in this version; wanted `volume` alone"));
+    }
+    read_name(fields, "volume", volumes)
 }
 
 /// Refuses every `mesh` but the plane, in words that fit.
@@ -59,24 +88,20 @@ fn read_mesh(fields: &mut Fields<'_, '_, '_, '_>) {
     fields.mistake("mesh", message);
 }
 
-/// The name of a surface that the manifest has.
-fn read_surface(fields: &mut Fields<'_, '_, '_, '_>, surfaces: &DeTable<'_>) -> Option<String> {
-    let wanted = "the name of a `[surface.NAME]` of the manifest";
-    if !fields.has("volume") {
-        fields.require("surface", wanted);
-    }
-    let name = fields.text("surface", wanted)?;
-    if surfaces.contains_key(name.as_str()) {
+/// The name, under the key `kind`, of one of `tables`: those that the manifest has.
+fn read_name(fields: &mut Fields<'_, '_, '_, '_>, kind: &'static str, tables: &DeTable<'_>) -> Option<String> {
+    let name = fields.text(kind, &format!("the name of a `[{kind}.NAME]` of the manifest"))?;
+    if tables.contains_key(name.as_str()) {
         return Some(name);
     }
-    let known = surfaces.keys().map(|known| known.get_ref().as_ref());
+    let known = tables.keys().map(|known| known.get_ref().as_ref());
     let known: Vec<&str> = known.filter(|known| is_file_safe(known)).collect();
     let hint = match closest(&name, &known) {
         Some(near) => format!("; did you mean `{near}`?"),
         None if known.is_empty() => String::new(),
         None => format!("; it has {}", quoted(&known)),
     };
-    fields.names_nothing("surface", format!("the manifest has no surface `{}`{hint}", name.escape_debug()));
+    fields.names_nothing(kind, format!("the manifest has no {kind} `{}`{hint}", name.escape_debug()));
     None
 }
 

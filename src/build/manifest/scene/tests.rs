@@ -42,7 +42,10 @@ fn a_plain_scene_has_the_documented_defaults() {
     assert_eq!((position, target, up), ([0.0, 0.3, 0.4], [0.0; 3], [0.0, 1.0, 0.0]));
     assert_eq!(projection, Projection::Perspective { fov_degrees: 40.0 });
     assert_eq!(scene.lights, [LightSpec::Constant { radiance: [1.0; 3] }]);
-    assert_eq!(scene.objects, [ObjectSpec { surface: "twill".into(), tiling: [1, 1], displacement: None }]);
+    assert_eq!(
+        scene.objects,
+        [ObjectSpec::Surface(PlaneSpec { surface: "twill".into(), tiling: [1, 1], displacement: None })]
+    );
     let image = LightSpec::Image { file: "studio.exr".into(), scale: 1.0, rotation_degrees: 0.0 };
     assert_eq!(light("type = \"image\", file = \"studio.exr\""), image);
 }
@@ -62,8 +65,8 @@ fn every_key_reaches_the_scene() {
     assert_eq!(projection, Projection::Orthographic { width: 0.05 });
     let displacement =
         Displacement { file: "large.exr".into(), amplitude: 0.02, offset: -0.5, channel: Some("Y".into()) };
-    let object = ObjectSpec { surface: "twill".into(), tiling: [100, 1], displacement: Some(displacement) };
-    assert_eq!(scene.objects, [object]);
+    let plane = PlaneSpec { surface: "twill".into(), tiling: [100, 1], displacement: Some(displacement) };
+    assert_eq!(scene.objects, [ObjectSpec::Surface(plane)]);
 }
 
 #[test]

@@ -1,0 +1,4 @@
+//! What levels are compared with.
+
+pub mod naive;
+pub mod published;

@@ -1,0 +1,4 @@
+//! Light in volumes against closed forms and brute force.
+
+mod scenes;
+mod transport;
