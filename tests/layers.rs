@@ -21,13 +21,14 @@ struct Room {
 }
 
 /// The rooms, bottom up. `formats::lookup`, `cell_brdf`, `level_brdf` and `sggx` are open to all (see [`ONE_FORMULA`]).
-const HOUSE: [Room; 10] = [
+const HOUSE: [Room; 12] = [
     Room { path: "math", rooms: &[], crates: &["glam"], may_fail: false },
     Room { path: "geometry", rooms: &["math"], crates: &["glam"], may_fail: false },
     Room { path: "material", rooms: &["math"], crates: &["glam"], may_fail: false },
+    Room { path: "medium", rooms: &["math"], crates: &["glam"], may_fail: false },
     Room {
         path: "transport",
-        rooms: &["math", "geometry", "material"],
+        rooms: &["math", "geometry", "material", "medium"],
         crates: &["glam", "rayon", "sobol_burley"],
         may_fail: false,
     },
@@ -43,6 +44,12 @@ const HOUSE: [Room; 10] = [
         path: "prefilter::surface::downsample",
         rooms: &["math", "geometry", "prefilter::surface"],
         crates: &["glam", "rayon", "rustfft"],
+        may_fail: false,
+    },
+    Room {
+        path: "prefilter::volume",
+        rooms: &["math", "medium", "transport"],
+        crates: &["glam", "rayon"],
         may_fail: false,
     },
     Room {

@@ -44,9 +44,9 @@ fn rotate(a: &mut [[f64; 3]; 3], vectors: &mut [[f64; 3]; 3], p: usize, q: usize
     let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
     let c = 1.0 / t.hypot(1.0);
     let s = t * c;
-    for k in 0..3 {
-        let [x, y] = [a[k][p], a[k][q]];
-        [a[k][p], a[k][q]] = [c * x - s * y, s * x + c * y];
+    for row in a.iter_mut() {
+        let [x, y] = [row[p], row[q]];
+        [row[p], row[q]] = [c * x - s * y, s * x + c * y];
     }
     for k in 0..3 {
         let [x, y] = [a[p][k], a[q][k]];

@@ -18,7 +18,7 @@ const GOOD_ENOUGH: f64 = 0.08;
 /// Jitter of albedos over the distance between the nearest two centres: borders are as wide as that is.
 const JITTER: f64 = 0.5;
 /// Share of the seen area under which a cluster joins another.
-const LEAST_SEEN: f64 = 0.02;
+const LEAST_SEEN: f64 = 0.05;
 /// Walks a view that say what is seen.
 const WALKS: usize = 1024;
 
