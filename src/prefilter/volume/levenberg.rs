@@ -67,13 +67,12 @@ pub(super) fn minimise(start: &[f64], radius: f64, linearise: impl Fn(&[f64]) ->
             break;
         }
     }
-    let eigenvalues = eigenvalues(&normal_matrix(&here), unknowns.len());
+    let eigenvalues = eigenvalues(&normal_matrix(&here, unknowns.len()), unknowns.len());
     Fit { unknowns, eigenvalues }
 }
 
-/// JᵀJ, row-major.
-fn normal_matrix(here: &Linearised) -> Vec<f64> {
-    let n = here.jacobian.first().map_or(0, Vec::len);
+/// JᵀJ of `n` unknowns, row-major; 0 where no row is.
+fn normal_matrix(here: &Linearised, n: usize) -> Vec<f64> {
     let mut a = vec![0.0; n * n];
     for row in &here.jacobian {
         for i in 0..n {
@@ -86,7 +85,7 @@ fn normal_matrix(here: &Linearised) -> Vec<f64> {
 /// −(JᵀJ + pull + damping·diag)⁻¹ (Jᵀr + pull·x).
 fn damped_step(unknowns: &[f64], here: &Linearised, pull: f64, damping: f64) -> Option<Vec<f64>> {
     let n = unknowns.len();
-    let mut a = normal_matrix(here);
+    let mut a = normal_matrix(here, n);
     let mut slope: Vec<f64> = unknowns.iter().map(|x| -pull * x).collect();
     for (row, residual) in here.jacobian.iter().zip(&here.residuals) {
         (0..n).for_each(|i| slope[i] -= row[i] * residual);
