@@ -25,7 +25,7 @@ const HOUSE: [Room; 14] = [
     Room { path: "math", rooms: &[], crates: &["glam"], may_fail: false },
     Room { path: "geometry", rooms: &["math"], crates: &["glam"], may_fail: false },
     Room { path: "material", rooms: &["math"], crates: &["glam"], may_fail: false },
-    Room { path: "medium", rooms: &["math", "geometry"], crates: &["glam"], may_fail: false },
+    Room { path: "medium", rooms: &["math"], crates: &["glam"], may_fail: false },
     Room {
         path: "transport",
         rooms: &["math", "geometry", "material", "medium"],
@@ -48,7 +48,7 @@ const HOUSE: [Room; 14] = [
     },
     Room {
         path: "prefilter::volume",
-        rooms: &["math", "geometry", "medium", "transport"],
+        rooms: &["math", "medium", "transport"],
         crates: &["glam", "rayon"],
         may_fail: false,
     },

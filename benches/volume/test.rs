@@ -16,7 +16,7 @@ use farfield::transport::sampler::Sampling;
 use farfield::transport::scene::Lod;
 use farfield::transport::volume::render::render;
 use farfield::transport::volume::{Backdrop, VolumeLevel, VolumeObject, VolumeScene};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 use crate::vol::Scene;
 
@@ -111,7 +111,7 @@ fn made(light: usize, extent: DVec3) -> Light {
         }
         _ => {
             let reach = extent.max_element();
-            let centre = DVec3::from(Vec3::new(-0.4, 0.8, 0.5).as_dvec3()) * reach;
+            let centre = DVec3::new(-0.4, 0.8, 0.5) * reach;
             Light::Area(AreaLight::facing(centre, DVec3::ZERO, None, [0.5 * reach; 2], [4.0; 3]))
         }
     }

@@ -42,9 +42,9 @@ impl Medium {
             let block = &self.blocks[cursor.block_index()];
             let (exit, axis) = cursor.exit();
             let mut t = 0.0;
-            while block.majorant > 0.0 {
+            loop {
                 let next = t + depth / block.majorant;
-                if next >= exit {
+                if next >= exit || block.majorant == 0.0 {
                     depth -= (exit - t) * block.majorant;
                     break;
                 }
@@ -83,9 +83,9 @@ impl Medium {
             let (exit, axis) = cursor.exit();
             let end = exit.min(left);
             let mut t = 0.0;
-            while block.majorant > 0.0 {
+            loop {
                 let next = t + depth / block.majorant;
-                if next >= end {
+                if next >= end || block.majorant == 0.0 {
                     depth -= (end - t) * block.majorant;
                     break;
                 }

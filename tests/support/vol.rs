@@ -7,13 +7,13 @@ use farfield::medium::{Medium, MediumShape, Voxel};
 use formats::sggx::{FlakeLobe, Sggx};
 
 /// Edge of a voxel, metres; the files say none.
-pub const VOXEL: f64 = 1e-5;
+pub(crate) const VOXEL: f64 = 1e-5;
 
 /// A synthetic scene.
 #[derive(Clone, Copy, Debug)]
-pub struct Scene {
+pub(crate) struct Scene {
     /// Its name.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     /// Flake area per volume of a full voxel, times the voxel's edge: `density_max_per_voxel_edge` of `volumes.json`.
     density: f32,
     /// Axes without ends.
@@ -21,7 +21,7 @@ pub struct Scene {
 }
 
 /// The five scenes.
-pub const SCENES: [Scene; 5] = [
+pub(crate) const SCENES: [Scene; 5] = [
     Scene { name: "twill", density: 1.8, repeat: [true, true, false] },
     Scene { name: "velvet", density: 1.5, repeat: [true, true, false] },
     Scene { name: "ball", density: 1.6, repeat: [false; 3] },
@@ -31,7 +31,7 @@ pub const SCENES: [Scene; 5] = [
 
 /// The folder of the scenes: `FARFIELD_VOLUMES`, or that beside the project; `None`, with a word about it, where there is
 /// none.
-pub fn folder() -> Option<PathBuf> {
+pub(crate) fn folder() -> Option<PathBuf> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/synthetic/volumes");
     let folder = std::env::var_os("FARFIELD_VOLUMES").map_or(beside, PathBuf::from);
     if folder.is_dir() {
@@ -43,7 +43,7 @@ pub fn folder() -> Option<PathBuf> {
 
 impl Scene {
     /// The scene as a medium of one lobe a voxel.
-    pub fn medium(&self, folder: &Path) -> Medium {
+    pub(crate) fn medium(&self, folder: &Path) -> Medium {
         let grid = |what: &str| Grid::read(&folder.join(format!("{}.{what}.vol", self.name)));
         let [density, albedo, fibre, along] = ["density", "albedo", "fibre", "along"].map(grid);
         let shape = MediumShape { size: density.size, voxel: [VOXEL; 3], repeat: self.repeat };

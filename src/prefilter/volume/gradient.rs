@@ -21,7 +21,7 @@ const RIDGE: f64 = 1e-3;
 const LONGEST: f64 = 0.3;
 
 /// Minimises Σ residual² + pull from `start`; `halves(x, t)` gives two independent estimates of iteration `t` at `x`.
-pub fn minimise(start: &[f64], halves: impl Fn(&[f64], usize) -> [Linearised; 2]) -> Vec<f64> {
+pub(super) fn minimise(start: &[f64], halves: impl Fn(&[f64], usize) -> [Linearised; 2]) -> Vec<f64> {
     let n = start.len();
     let mut unknowns = start.to_vec();
     let mut curvature = vec![0.0; n * n];

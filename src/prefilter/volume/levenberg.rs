@@ -5,16 +5,16 @@
 use crate::math::linear::{eigenvalues, solve_positive};
 
 /// Residuals and their Jacobian, `[row][unknown]`.
-pub struct Linearised {
+pub(super) struct Linearised {
     /// Weighed differences.
-    pub residuals: Vec<f64>,
+    pub(super) residuals: Vec<f64>,
     /// Derivatives of these.
-    pub jacobian: Vec<Vec<f64>>,
+    pub(super) jacobian: Vec<Vec<f64>>,
 }
 
 /// Pull of the logarithms towards 0 over the number of rows: what the data does not say (the gauge of w and s, lobes that
 /// no walk meets) stays at 1. A weight of ½ costs 5e-5 of an image's squared error.
-pub const PULL: f64 = 1e-4;
+pub(super) const PULL: f64 = 1e-4;
 
 /// Steps at most, damping at first, its change after a good and a bad step.
 const STEPS: usize = 30;
@@ -28,17 +28,15 @@ const CONVERGED: f64 = 1e-6;
 
 /// Where a fit ended.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fit {
+pub(super) struct Fit {
     /// The logarithms of the weights.
-    pub unknowns: Vec<f64>,
+    pub(super) unknowns: Vec<f64>,
     /// Eigenvalues of JᵀJ there, rising: directions that the data says nothing of are near 0.
-    pub eigenvalues: Vec<f64>,
-    /// Steps taken.
-    pub steps: usize,
+    pub(super) eigenvalues: Vec<f64>,
 }
 
 /// Minimises Σ residual² + pull from `start`, within a factor of `radius` (a logarithm) of it in every unknown.
-pub fn minimise(start: &[f64], radius: f64, linearise: impl Fn(&[f64]) -> Linearised) -> Fit {
+pub(super) fn minimise(start: &[f64], radius: f64, linearise: impl Fn(&[f64]) -> Linearised) -> Fit {
     let mut unknowns = start.to_vec();
     let mut here = linearise(&unknowns);
     let pull = PULL * here.residuals.len() as f64;
@@ -48,9 +46,7 @@ pub fn minimise(start: &[f64], radius: f64, linearise: impl Fn(&[f64]) -> Linear
     };
     let mut best = cost(&unknowns, &here.residuals);
     let mut damping = DAMPING;
-    let mut steps = 0;
-    while steps < STEPS {
-        steps += 1;
+    for _ in 0..STEPS {
         let Some(step) = damped_step(&unknowns, &here, pull, damping) else { break };
         let next: Vec<f64> = unknowns
             .iter()
@@ -71,13 +67,12 @@ pub fn minimise(start: &[f64], radius: f64, linearise: impl Fn(&[f64]) -> Linear
             break;
         }
     }
-    let eigenvalues = eigenvalues(&normal_matrix(&here), unknowns.len());
-    Fit { unknowns, eigenvalues, steps }
+    let eigenvalues = eigenvalues(&normal_matrix(&here, unknowns.len()), unknowns.len());
+    Fit { unknowns, eigenvalues }
 }
 
-/// JᵀJ, row-major.
-fn normal_matrix(here: &Linearised) -> Vec<f64> {
-    let n = here.jacobian.first().map_or(0, Vec::len);
+/// JᵀJ of `n` unknowns, row-major; 0 where no row is.
+fn normal_matrix(here: &Linearised, n: usize) -> Vec<f64> {
     let mut a = vec![0.0; n * n];
     for row in &here.jacobian {
         for i in 0..n {
@@ -90,7 +85,7 @@ fn normal_matrix(here: &Linearised) -> Vec<f64> {
 /// −(JᵀJ + pull + damping·diag)⁻¹ (Jᵀr + pull·x).
 fn damped_step(unknowns: &[f64], here: &Linearised, pull: f64, damping: f64) -> Option<Vec<f64>> {
     let n = unknowns.len();
-    let mut a = normal_matrix(here);
+    let mut a = normal_matrix(here, n);
     let mut slope: Vec<f64> = unknowns.iter().map(|x| -pull * x).collect();
     for (row, residual) in here.jacobian.iter().zip(&here.residuals) {
         (0..n).for_each(|i| slope[i] -= row[i] * residual);

@@ -44,9 +44,9 @@ impl Target {
             for (k, lit) in view.means.iter().enumerate() {
                 let area = if weights == RowWeights::Unit { 1.0 } else { view.shares[k] };
                 for (l, mean) in lit.iter().enumerate() {
-                    for c in 0..3 {
-                        let whole = view.means[clusters][l][c].max(LEAST_MEAN);
-                        target.means.push(mean[c]);
+                    for (mean, whole) in mean.iter().zip(view.means[clusters][l]) {
+                        let whole = whole.max(LEAST_MEAN);
+                        target.means.push(*mean);
                         target.scales.push(if k < clusters { area.sqrt() / whole } else { 0.0 });
                     }
                 }
@@ -88,7 +88,7 @@ pub fn view_means(
 }
 
 /// The views with the cells in which they show the clusters of `coarse`.
-pub fn masked(views: Vec<View>, coarse: &Medium, clusters: &Clusters, walks: Walks) -> Vec<(View, Masks)> {
+pub(super) fn masked(views: Vec<View>, coarse: &Medium, clusters: &Clusters, walks: Walks) -> Vec<(View, Masks)> {
     let mask = |(number, view): (usize, View)| {
         let walks = Walks { seed: view_seed(walks.seed, number), ..walks };
         (view, Masks::new(coarse, &clusters.of_voxel, view, walks))

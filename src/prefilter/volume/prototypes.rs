@@ -34,9 +34,12 @@ pub struct Prototypes {
 }
 
 impl Prototypes {
-    /// The prototypes for levels of `factor`: `count` of them, or as many as are worth it.
+    /// The prototypes for levels of `factor`: `count` of them, or as many as are worth it; at least one.
     pub fn new(fine: &Medium, factor: f64, count: Option<usize>, seed: u64) -> Self {
         let points = points(fine);
+        if points.is_empty() {
+            return Self { shapes: vec![shape_point(&Sggx::ISOTROPIC)], normal_errors: Vec::new() };
+        }
         if let Some(count) = count {
             return Self { shapes: centres(&points, count.clamp(1, MAX_LOBES), seed), normal_errors: Vec::new() };
         }

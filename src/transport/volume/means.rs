@@ -164,14 +164,6 @@ pub struct Masks {
 /// Probability of the first meeting above which a cell shows a cluster.
 pub const LEAST_SHARE: f64 = 0.05;
 
-/// Counts first meetings by cluster.
-struct FirstMeetings<'c> {
-    cluster: &'c [u8],
-    first: Option<usize>,
-    /// `[cell]`: walks, and of these first meetings by cluster.
-    cells: Vec<(u32, [u32; MAX_CLUSTERS])>,
-}
-
 /// Most voxel clusters.
 pub const MAX_CLUSTERS: usize = 8;
 
@@ -179,29 +171,23 @@ impl Masks {
     /// The masks of `view`; `cluster` gives the cluster of each occupied voxel, below [`MAX_CLUSTERS`].
     pub fn new(medium: &Medium, cluster: &[u8], view: View, walks: Walks) -> Self {
         let faces = Faces::new(medium, view);
-        let mut seen = FirstMeetings { cluster, first: None, cells: vec![(0, [0; MAX_CLUSTERS]); VIEW_CELLS] };
+        // `[cell]`: walks, and of these first meetings by cluster.
+        let mut cells = vec![(0, [0; MAX_CLUSTERS]); VIEW_CELLS];
         for k in 0..walks.count {
             let mut draws = Draws::new(Stream::new(walks.seed, k as u64));
             let (point, cell) = faces.start(&mut draws);
+            let (count, first) = &mut cells[cell];
+            *count += 1;
             let meeting = Walk::enter(medium, point, faces.direction).and_then(|mut walk| walk.fly(&mut draws));
-            seen.first = meeting.map(|meeting| meeting.voxel);
-            seen.count(cell);
+            if let Some(meeting) = meeting {
+                first[usize::from(cluster[meeting.voxel])] += 1;
+            }
         }
         let mask = |&(walks, first): &(u32, [u32; MAX_CLUSTERS])| {
             let is_shown = |k: usize| first[k] > 0 && f64::from(first[k]) >= LEAST_SHARE * f64::from(walks);
             (0..MAX_CLUSTERS).filter(|&k| is_shown(k)).map(|k| 1 << k).sum()
         };
-        Self { clusters: seen.cells.iter().map(mask).collect() }
-    }
-}
-
-impl FirstMeetings<'_> {
-    fn count(&mut self, cell: usize) {
-        let (walks, first) = &mut self.cells[cell];
-        *walks += 1;
-        if let Some(voxel) = self.first.take() {
-            first[usize::from(self.cluster[voxel])] += 1;
-        }
+        Self { clusters: cells.iter().map(mask).collect() }
     }
 }
 
