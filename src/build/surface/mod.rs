@@ -158,7 +158,7 @@ impl LevelActions {
             let smooth = SurfaceStep::Smooth { settings, brdf };
             let smooth = push(smooth, &[heights, own_downsample, own_lobes, own_sizes, Some(fine), tint]);
             let coarse = push(SurfaceStep::Coarse { brdf }, &[Some(smooth), own_lobes, own_sizes, tint]);
-            let fit = SurfaceStep::Fit { settings, brdf };
+            let fit = SurfaceStep::Fit { settings };
             let fit = push(fit, &[Some(smooth), Some(fine), Some(coarse), own_sizes]);
             let measure = SurfaceStep::Measure { settings, spec };
             let measure = push(measure, &[heights, Some(smooth), own_lobes, own_sizes, Some(fit), colors, tint]);

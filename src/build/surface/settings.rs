@@ -90,10 +90,7 @@ fn walk_settings(step: &SurfaceStep<'_>, size: [usize; 2], walk: &mut Walk) {
             walk.setting("factor", settings.factor);
         }
         SurfaceStep::Coarse { brdf } => walk_brdf(walk, brdf),
-        SurfaceStep::Fit { settings, brdf } => {
-            walk_brdf(walk, brdf);
-            walk.setting("error", settings.error);
-        }
+        SurfaceStep::Fit { settings } => walk.setting("error", settings.error),
         SurfaceStep::Measure { settings, spec } => {
             walk_brdf(walk, &spec.brdf);
             walk.setting("size", spec.size);

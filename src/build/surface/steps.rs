@@ -92,8 +92,6 @@ pub enum SurfaceStep<'a> {
     Fit {
         /// Of the level.
         settings: &'a LevelSettings,
-        /// The base BRDF.
-        brdf: &'a Brdf,
     },
     /// The error of a level through its own bytes.
     Measure {
@@ -239,10 +237,10 @@ impl Step for SurfaceStep<'_> {
                 let surface = coarse_surface([&needs[0], &needs[1]], needs.get(3), brdf, &gaussians)?;
                 Artifact::Reflectance(coarse_table(choice(&needs[2])?, &surface, on_stage))
             }
-            Self::Fit { settings, brdf } => {
+            Self::Fit { settings } => {
                 on_stage("fit");
                 let (heights, sizes) = (heights(&needs[0])?, choice(&needs[3])?.sizes);
-                Artifact::Fit(fit_level(fine_f(&needs[1])?, table(&needs[2])?, heights, sizes, settings.error, brdf))
+                Artifact::Fit(fit_level(fine_f(&needs[1])?, table(&needs[2])?, heights, sizes, settings.error))
             }
             Self::Measure { settings, spec } => measured(spec, settings, needs, on_stage)?,
             Self::Heights { .. } | Self::Asset { .. } => unreachable!("handled above"),

@@ -388,10 +388,16 @@ mod tests {
     fn the_common_grid_holds_whole_patches_of_every_choice() {
         for cells in 1..40 {
             let grid = finest(None, cells);
-            assert!(grid <= cells && PATCHES.iter().all(|&m| grid % m.min(grid) == 0), "{cells} cells: {grid}");
+            assert!(
+                grid <= cells && PATCHES.iter().all(|&m| grid.is_multiple_of(m.min(grid))),
+                "{cells} cells: {grid}"
+            );
             for wanted in [1, 3, 5, 16, 64] {
                 let grid = finest(Some(wanted), cells);
-                assert!(grid <= cells && grid % wanted.min(cells) == 0, "{cells} cells, {wanted} patches: {grid}");
+                assert!(
+                    grid <= cells && grid.is_multiple_of(wanted.min(cells)),
+                    "{cells} cells, {wanted} patches: {grid}"
+                );
             }
         }
     }

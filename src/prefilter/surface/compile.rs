@@ -30,7 +30,7 @@ pub fn compile(fine: &FineSurface, settings: &LevelSettings, on_stage: &mut dyn 
     let heights = coarse_heights(&fine.heights, &choice, settings, &surface, &f_fine, on_stage);
     let f_coarse = coarse_table(&choice, &CoarseSurface { heights: &heights, ..surface }, on_stage);
     on_stage("fit");
-    let fit = fit_level(&f_fine, &f_coarse, &heights, choice.sizes, settings.error, &fine.brdf);
+    let fit = fit_level(&f_fine, &f_coarse, &heights, choice.sizes, settings.error);
     CoarseLevel::new(heights, parts.lobes, parts.base_color, choice, fit)
 }
 
@@ -191,7 +191,6 @@ pub fn fit_level(
     heights: &HeightField,
     sizes: TableSizes,
     error: f64,
-    brdf: &Brdf,
 ) -> LevelFit {
     let FineTables { direct, interreflection, skipped_interreflection } = f_fine;
     let directions = TableDirections::new(sizes.directions);
