@@ -59,8 +59,11 @@ fn effective_albedo(asset: &SurfaceAsset, views: &[Vec3]) -> Vec<f64> {
     sums.iter().map(|[light, area]| std::f64::consts::PI * light / (plane * area)).collect()
 }
 
-/// Levels of a white map at 8× and 64×: within 0.5 % of 1 below 75°, within 1.5 % above.
-fn expect_no_loss(name: &str, amplitude: f32) {
+/// What every level is meant to keep: the mean effective albedo within 0.5 % of 1 below 75°, within 1.5 % above.
+const BARS: [f64; 2] = [0.005, 0.015];
+
+/// Levels of a white map at 8× and 64×: mean effective albedo below 75° and above within `limits` of 1.
+fn expect_no_loss(name: &str, amplitude: f32, limits: [f64; 2]) {
     let (views, mut failures) = (views(), Vec::new());
     let fine = FineSurface { heights: fixture(name, amplitude), brdf: diffuse(1.0), color: None };
     for factor in [8.0, 64.0] {
@@ -73,7 +76,7 @@ fn expect_no_loss(name: &str, amplitude: f32) {
         };
         let [below, above] = [true, false].map(mean);
         println!("{name} {factor}×: {below:.4} below 75°, {above:.4} above; {albedo:.4?}");
-        if (below - 1.0).abs() > 0.005 || (above - 1.0).abs() > 0.015 {
+        if (below - 1.0).abs() > limits[0] || (above - 1.0).abs() > limits[1] {
             failures.push(format!("{name} {factor}×: {below:.4}, {above:.4}"));
         }
     }
@@ -82,14 +85,15 @@ fn expect_no_loss(name: &str, amplitude: f32) {
 
 #[test]
 fn white_twill_noise_and_rocks_lose_no_light() {
-    expect_no_loss("heights/twill", 24.415);
-    expect_no_loss("heights/fbm", 58.539);
-    expect_no_loss("rocks/height", 35.9);
+    expect_no_loss("heights/twill", 24.415, BARS);
+    expect_no_loss("heights/fbm", 58.539, BARS);
+    expect_no_loss("rocks/height", 35.9, BARS);
 }
 
+/// The bars are not reached on these: bump has 0.9925 below 75° at 8×, and at 64×, where a cell is a bump or a groove, 1.031
+/// and 1.030 above it. Held where they are, so that they get no worse unseen.
 #[test]
-#[ignore = "not reached: bump is 0.9925 below 75° at 8×, and at 64× bump is 1.031 and vgroove 1.030 above it"]
-fn white_bumps_and_grooves_lose_no_light() {
-    expect_no_loss("heights/bump", 28.0);
-    expect_no_loss("heights/vgroove", 32.0);
+fn white_bumps_and_grooves_lose_and_gain_little_light() {
+    expect_no_loss("heights/bump", 28.0, [0.009, 0.035]);
+    expect_no_loss("heights/vgroove", 32.0, [BARS[0], 0.035]);
 }

@@ -67,12 +67,12 @@ fn seen(view: &View<'_>, samples: u64) -> [f64; 2] {
 
 #[test]
 fn white_levels_are_invisible_in_a_white_sky() {
-    // the bars: 0.5 % in the mean over views below 75°, cliffs 1.5 %; above 1.5 %, which twill and hemispheres miss:
-    // there E is read beyond its outermost nodes
+    // the bars: 0.5 % in the mean over views below 75°, cliffs 1.5 %; above 1.5 %. Single views are off by up to 2 %, and
+    // hemispheres miss the bar above with 1.025: held where they are
     for (name, amplitude, below, above) in [
-        ("heights/twill", 24.415, 0.005, 0.03),
+        ("heights/twill", 24.415, 0.005, 0.015),
         ("heights/fbm", 58.539, 0.005, 0.015),
-        ("heights/bump", 28.0, 0.005, 0.04),
+        ("heights/bump", 28.0, 0.005, 0.025),
         ("heights/vgroove", 32.0, 0.005, 0.015),
         ("rocks/height", 35.9, 0.005, 0.015),
         ("heights/cliffs", 120.0, 0.015, 0.015),
@@ -80,16 +80,20 @@ fn white_levels_are_invisible_in_a_white_sky() {
         let fine = FineSurface { heights: corner(name, amplitude), brdf: diffuse(1.0), color: None };
         let data = ModelData::farfield(level(&fine, AssetLight::Baked));
         let means = [10.0_f32, 35.0, 55.0, 70.0, 82.0].map(|degrees| {
-            let wo = towards(degrees.to_radians(), 0.0);
-            let light = Light::Constant(ConstantLight { radiance: [1.0; 3] });
-            let view = View { data: &data, kind: AssetLight::Baked, tiles: 80, large: None, light, wo, width: 2.0 };
-            seen(&view, 64)
+            let around = [0.0, 1.3, 2.4, 4.4].map(|azimuth| {
+                let wo = towards(degrees.to_radians(), azimuth);
+                let light = Light::Constant(ConstantLight { radiance: [1.0; 3] });
+                let view = View { data: &data, kind: AssetLight::Baked, tiles: 80, large: None, light, wo, width: 2.0 };
+                seen(&view, 64)
+            });
+            [0, 1].map(|k| around.iter().map(|of| of[k]).sum::<f64>() / 4.0)
         });
         println!("{name}: {means:.4?}");
         let mean = means[..4].iter().map(|[mean, _]| mean).sum::<f64>() / 4.0;
-        // three standard errors of the mean of four views, at most
-        assert!((mean - 1.0).abs() < below + 1.5 * means[3][1], "{name}: {mean}");
-        assert!((means[4][0] - 1.0).abs() < above + 3.0 * means[4][1], "{name}: {:?}", means[4]);
+        // three standard errors: of sixteen views four times smaller than of one, of four twice
+        println!("  {mean:.4} {:.4}", means[4][0]);
+        assert!((mean - 1.0).abs() < below + 0.75 * means[3][1], "{name}: {mean}");
+        assert!((means[4][0] - 1.0).abs() < above + 1.5 * means[4][1], "{name}: {:?}", means[4]);
     }
 }
 

@@ -72,6 +72,8 @@ impl State {
             let mut add = |stage: &str, depends: String| actions.insert(format!("level {level} {stage}"), depends);
             add("downsample", format!("{:?}", (map, factor)));
             add("lobes", format!("{:?}", (map, factor)));
+            // of which the numbers of cells are the same for both maps
+            add("choose", format!("{:?}", (factor, surface.rank)));
             add("fine", format!("{:?}", (map, colors, surface.bsdf)));
             add("smooth", format!("{:?}", (map, colors, factor, surface.bsdf)));
             add("coarse", format!("{:?}", (map, colors, factor, surface.bsdf)));

@@ -24,7 +24,7 @@ use super::SurfaceSpec;
 use super::graph::{ActionId, Graph, Place};
 use super::key::{Digest, Walk};
 use crate::prefilter::surface::LevelSettings;
-use settings::{ASSET, version_of};
+use settings::{ASSET, Open, version_of};
 pub use steps::SurfaceStep;
 
 /// The digests of a surface's files.
@@ -74,10 +74,10 @@ pub fn walk_asset(spec: &SurfaceSpec, files: SurfaceFiles) -> Walk {
     for (number, level) in (1..).zip(levels) {
         let LevelSettings { factor: _, patches, directions, rank, lobes, light, error, seed } = level;
         let mut set = |name: &str, value: &dyn std::fmt::Debug| walk.setting(&format!("level {number} {name}"), value);
-        set("patches", patches);
-        set("directions", directions);
-        set("rank", rank);
-        set("lobes", lobes);
+        set("patches", &Open(*patches));
+        set("directions", &Open(*directions));
+        set("rank", &Open(*rank));
+        set("lobes", &Open(*lobes));
         set("light", light);
         set("error", error);
         set("seed", seed);
@@ -144,7 +144,7 @@ impl LevelActions {
         let lobes = push(SurfaceStep::Lobes { settings }, &[heights]);
         let tint = colors.map(|_| push(SurfaceStep::Tint { settings }, &[heights, colors]));
         let [own_downsample, own_lobes] = [Some(downsample), Some(lobes)];
-        let is_open = settings.fixed_sizes([1, 1]).is_none();
+        let is_open = !settings::is_fixed(settings);
         let choose = SurfaceStep::Choose { settings, brdf };
         let mut sizes = if is_open {
             push(choose, &[heights, own_downsample, own_lobes, colors, tint])
@@ -157,7 +157,7 @@ impl LevelActions {
             let fine = push(SurfaceStep::Fine { settings, brdf }, &[heights, own_sizes, colors]);
             let smooth = SurfaceStep::Smooth { settings, brdf };
             let smooth = push(smooth, &[heights, own_downsample, own_lobes, own_sizes, Some(fine), tint]);
-            let coarse = push(SurfaceStep::Coarse { brdf }, &[Some(smooth), own_lobes, own_sizes, tint]);
+            let coarse = push(SurfaceStep::Coarse { settings, brdf }, &[Some(smooth), own_lobes, own_sizes, tint]);
             let fit = SurfaceStep::Fit { settings };
             let fit = push(fit, &[Some(smooth), Some(fine), Some(coarse), own_sizes]);
             let measure = SurfaceStep::Measure { settings, spec };

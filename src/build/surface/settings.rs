@@ -1,5 +1,6 @@
 //! What the keys of a surface's actions are made of.
 
+use std::fmt::{self, Debug, Formatter};
 use std::sync::Arc;
 
 use super::needs::size_of;
@@ -9,7 +10,7 @@ use crate::build::action::Record;
 use crate::build::encode::SURFACE_VERSION;
 use crate::build::key::{Digest, Walk};
 use crate::material::{Brdf, Conductor};
-use crate::prefilter::surface::{LightTransport, coarse_cells};
+use crate::prefilter::surface::{LevelSettings, LightTransport, coarse_cells};
 
 /// Name of the stage that puts an asset together.
 pub(super) const ASSET: &str = "asset";
@@ -65,10 +66,10 @@ fn walk_settings(step: &SurfaceStep<'_>, size: [usize; 2], walk: &mut Walk) {
             walk.setting("cells", coarse_cells(size, settings.factor));
         }
         SurfaceStep::Choose { settings, brdf } | SurfaceStep::Retune { settings, brdf } => {
-            walk.setting("patches", settings.patches);
-            walk.setting("directions", settings.directions);
-            walk.setting("rank", settings.rank);
-            if settings.fixed_sizes([1, 1]).is_some() {
+            walk.setting("patches", Open(settings.patches));
+            walk.setting("directions", Open(settings.directions));
+            walk.setting("rank", Open(settings.rank));
+            if is_fixed(settings) {
                 walk.setting("cells", coarse_cells(size, settings.factor));
                 return;
             }
@@ -79,6 +80,7 @@ fn walk_settings(step: &SurfaceStep<'_>, size: [usize; 2], walk: &mut Walk) {
         }
         SurfaceStep::Fine { settings, brdf } => {
             walk_brdf(walk, brdf);
+            walk_tables(walk, settings, coarse_cells(size, settings.factor));
             walk.setting("light", settings.light);
             if settings.light != LightTransport::Direct {
                 walk.setting("error", settings.error);
@@ -87,10 +89,20 @@ fn walk_settings(step: &SurfaceStep<'_>, size: [usize; 2], walk: &mut Walk) {
         }
         SurfaceStep::Smooth { settings, brdf } => {
             walk_brdf(walk, brdf);
+            walk_tables(walk, settings, coarse_cells(size, settings.factor));
             walk.setting("factor", settings.factor);
         }
-        SurfaceStep::Coarse { brdf } => walk_brdf(walk, brdf),
-        SurfaceStep::Fit { settings } => walk.setting("error", settings.error),
+        SurfaceStep::Coarse { settings, brdf } => {
+            walk_brdf(walk, brdf);
+            // no more than cells, which the heights tell
+            walk_tables(walk, settings, [usize::MAX; 2]);
+        }
+        SurfaceStep::Fit { settings } => {
+            // of which the warnings about noise speak
+            if settings.light != LightTransport::Direct {
+                walk.setting("error", settings.error);
+            }
+        }
         SurfaceStep::Measure { settings, spec } => {
             walk_brdf(walk, &spec.brdf);
             walk.setting("size", spec.size);
@@ -101,15 +113,45 @@ fn walk_settings(step: &SurfaceStep<'_>, size: [usize; 2], walk: &mut Walk) {
     }
 }
 
+/// The sizes of the tables of F, where the manifest names them: what `sizes` says beside them is no matter for F.
+fn walk_tables(walk: &mut Walk, settings: &LevelSettings, cells: [usize; 2]) {
+    if let Some(sizes) = settings.fixed_sizes(cells) {
+        walk.setting("patches", sizes.patches);
+        walk.setting("directions", sizes.directions);
+    }
+}
+
+/// Whether the manifest names all sizes.
+pub(super) fn is_fixed(settings: &LevelSettings) -> bool {
+    settings.fixed_sizes([1, 1]).is_some()
+}
+
+/// A size that may be left open, as the manifest writes it.
+pub(super) struct Open(pub(super) Option<usize>);
+
+impl Debug for Open {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(size) => write!(f, "{size}"),
+            None => f.write_str("auto"),
+        }
+    }
+}
+
 /// What the needed actions are called in the key; none where only a fact of theirs counts.
 fn need_names(step: &SurfaceStep<'_>) -> &'static [&'static str] {
     match step {
         SurfaceStep::Heights { .. } | SurfaceStep::Colors { .. } | SurfaceStep::Asset { .. } => &[],
         SurfaceStep::Downsample { .. } | SurfaceStep::Lobes { .. } => &["heights"],
         SurfaceStep::Tint { .. } => &["", "colors"],
-        SurfaceStep::Choose { settings, .. } if settings.fixed_sizes([1, 1]).is_some() => &[""],
+        SurfaceStep::Choose { settings, .. } if is_fixed(settings) => &[""],
         SurfaceStep::Choose { .. } => &["heights", "downsample", "lobes", "colors", "tint"],
         SurfaceStep::Retune { .. } => &["heights", "downsample", "lobes", "sizes", "measure", "colors", "tint"],
+        SurfaceStep::Fine { settings, .. } if is_fixed(settings) => &["heights", "", "colors"],
+        SurfaceStep::Smooth { settings, .. } if is_fixed(settings) => {
+            &["heights", "downsample", "lobes", "", "fine", "tint"]
+        }
+        SurfaceStep::Coarse { settings, .. } if is_fixed(settings) => &["smooth", "lobes", "", "tint"],
         SurfaceStep::Fine { .. } => &["heights", "sizes", "colors"],
         SurfaceStep::Smooth { .. } => &["heights", "downsample", "lobes", "sizes", "fine", "tint"],
         SurfaceStep::Coarse { .. } => &["smooth", "lobes", "sizes", "tint"],

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::SurfaceFiles;
 use super::assemble::{asset, is_loaded, measured};
 use super::needs::{choice, coarse_surface, colors, error, fine_f, fine_surface, heights, need_size, size_of, table};
-use super::settings::{ASSET, version_of, walk_step};
+use super::settings::{ASSET, is_fixed, version_of, walk_step};
 use crate::build::action::{Facts, Failure, Made, Need, Record, Step};
 use crate::build::artifact::Artifact;
 use crate::build::key::{Digest, Walk};
@@ -15,11 +15,10 @@ use crate::build::{SurfaceSpec, input};
 use crate::io::SourceFile;
 use crate::io::color::decode_color;
 use crate::material::Brdf;
-use crate::prefilter::surface::downsample::downsample;
 use crate::prefilter::surface::reflectance::pair_count;
 use crate::prefilter::surface::{
     Choice, LevelSettings, TableSizes, base_gaussians, cell_colors, choose, coarse_cells, coarse_heights, coarse_table,
-    fine_tables, fit_level, level_lobes,
+    fine_tables, fit_level, level_heights, level_lobes,
 };
 /// An action of a surface.
 #[derive(Debug)]
@@ -85,6 +84,8 @@ pub enum SurfaceStep<'a> {
     },
     /// F of the coarse surface.
     Coarse {
+        /// Of the level.
+        settings: &'a LevelSettings,
         /// The base BRDF.
         brdf: &'a Brdf,
     },
@@ -157,7 +158,7 @@ impl Step for SurfaceStep<'_> {
             Self::Downsample { settings } => 4 * texels + DOWNSAMPLE * cells(settings),
             Self::Lobes { settings } => 4 * texels + LOBES * cells(settings),
             Self::Tint { settings } => 24 * cells(settings),
-            Self::Choose { settings, .. } if settings.fixed_sizes([1, 1]).is_some() => 1 << 10,
+            Self::Choose { settings, .. } if is_fixed(settings) => 1 << 10,
             Self::Choose { settings, .. } | Self::Retune { settings, .. } | Self::Fine { settings, .. } => {
                 let directions = settings.directions.unwrap_or(LARGEST_CHOSEN);
                 let bits = (directions * directions) as u64;
@@ -193,7 +194,7 @@ impl Step for SurfaceStep<'_> {
             }
             Self::Downsample { settings } => {
                 on_stage("downsample");
-                Artifact::Heights(downsample(heights(&needs[0])?, settings.factor))
+                Artifact::Heights(level_heights(heights(&needs[0])?, settings.factor))
             }
             Self::Lobes { settings } => {
                 on_stage("lobes");
@@ -232,7 +233,7 @@ impl Step for SurfaceStep<'_> {
                 let (choice, f_fine) = (choice(&needs[3])?, fine_f(&needs[4])?);
                 Artifact::Heights(coarse_heights(heights(&needs[0])?, choice, settings, &surface, f_fine, on_stage))
             }
-            Self::Coarse { brdf } => {
+            Self::Coarse { brdf, .. } => {
                 let gaussians = base_gaussians(brdf);
                 let surface = coarse_surface([&needs[0], &needs[1]], needs.get(3), brdf, &gaussians)?;
                 Artifact::Reflectance(coarse_table(choice(&needs[2])?, &surface, on_stage))
@@ -253,7 +254,7 @@ impl Step for SurfaceStep<'_> {
             // Only the size of the map is wanted, which is among the facts.
             Self::Colors { .. } => false,
             Self::Tint { .. } => need > 0,
-            Self::Choose { settings, .. } => settings.fixed_sizes([1, 1]).is_none(),
+            Self::Choose { settings, .. } => !is_fixed(settings),
             Self::Asset { spec, .. } => is_loaded(spec, need, needs.len()),
             _ => true,
         }

@@ -20,7 +20,7 @@ pub mod visibility;
 pub use choice::{Alternative, Choice, TableSizes, choose};
 pub use compile::{
     FineTables, LevelFit, LevelTables, base_gaussians, coarse_heights, coarse_table, compile, fine_tables, fit_level,
-    level_lobes, level_tables,
+    level_heights, level_lobes, level_tables,
 };
 pub use downsample::coarse_cells;
 

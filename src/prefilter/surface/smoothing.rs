@@ -94,7 +94,7 @@ pub(super) fn means(f: &PatchReflectance, nodes: &[usize]) -> Vec<[f64; 3]> {
 ///
 /// Between two nodes at t ∈ [0, 1], it is t(1 − t)/2 times the second difference, whose square has the mean 1/120. The
 /// four axes of ωi and ωo are taken as independent, and alike in pairs for S is symmetric.
-fn interpolation_error(fine: &[[f64; 3]], coarse: &[[f64; 3]], resolution: usize) -> f64 {
+pub(super) fn interpolation_error(fine: &[[f64; 3]], coarse: &[[f64; 3]], resolution: usize) -> f64 {
     let directions = resolution * resolution;
     let [mut error, mut total] = [0.0; 2];
     for channel in 0..3 {

@@ -19,7 +19,7 @@ const ERROR_FINE: usize = 64;
 /// Directions along an edge of the square over the sphere.
 const DIRECTIONS: usize = 20;
 
-/// Another lobe must lower the error of normals to this share ([WU19] 3.8.1).
+/// Every further lobe must lower the error of normals to this share ([WU19] 3.8.1).
 const WORTH_A_LOBE: f64 = 0.5;
 /// Error of normals under which no more lobes are tried.
 const GOOD_ENOUGH: f64 = 0.15;
@@ -46,18 +46,17 @@ impl Prototypes {
         let footprints = footprints(fine, factor, seed);
         let mut chosen = centres(&points, 1, seed);
         let mut errors = vec![normal_error(&footprints, &chosen)];
-        while chosen.len() < MAX_LOBES && errors[errors.len() - 1] > GOOD_ENOUGH {
-            let more = centres(&points, chosen.len() + 1, seed);
-            if more.len() == chosen.len() {
+        // Beyond a lobe that is not worth it: three directions of fibres are none the better for two lobes.
+        for count in 2..=MAX_LOBES {
+            let reached = errors[chosen.len() - 1];
+            let more = centres(&points, count, seed);
+            if reached <= GOOD_ENOUGH || more.len() < count {
                 break;
             }
-            let error = normal_error(&footprints, &more);
-            let before = errors[errors.len() - 1];
-            errors.push(error);
-            if error > WORTH_A_LOBE * before {
-                break;
+            errors.push(normal_error(&footprints, &more));
+            if errors[count - 1] <= WORTH_A_LOBE.powi((count - chosen.len()) as i32) * reached {
+                chosen = more;
             }
-            chosen = more;
         }
         Self { shapes: chosen, normal_errors: errors }
     }
