@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::artifact::Artifact;
 use super::key::{Digest, Walk};
 use super::record::{LevelRecord, StageSeconds};
+use super::volume::VolumeRecord;
 use serde::{Deserialize, Serialize};
 
 /// What an action does. No step needs anything but itself and the results of the actions it needs: it looks at no clock,
@@ -96,6 +97,13 @@ pub struct Output {
     pub bytes: u64,
 }
 
+impl Output {
+    /// The file `name` that holds `bytes`.
+    pub fn of(name: &str, bytes: &[u8]) -> Self {
+        Self { name: name.into(), digest: Digest::of(bytes), bytes: bytes.len() as u64 }
+    }
+}
+
 impl Record {
     /// What stands for the content in the keys of other actions.
     pub fn digest(&self) -> Digest {
@@ -124,7 +132,10 @@ pub struct Facts {
     /// What the user should know, one line each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
-    /// The levels of an asset.
+    /// The levels of a surface's asset.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub levels: Vec<LevelRecord>,
+    /// The levels of a volume's asset.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub volume_levels: Vec<VolumeRecord>,
 }

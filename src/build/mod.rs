@@ -11,6 +11,7 @@
 //! - [`schedule`]: which action runs when, within threads and memory; a worker looks up, runs, keeps.
 //! - [`surface`]: what the actions of a surface are. The key of its asset is made of files and settings alone: a build
 //!   of what is current looks at that one record, and at nothing else.
+//! - [`volume`]: a volume is one action, with a key of the same kind, looked up and kept in the same store.
 //!
 //! What a build cost goes to `build.jsonl` beside the assets, never into them: an asset depends on its inputs and
 //! settings alone.

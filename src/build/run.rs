@@ -11,17 +11,20 @@ use super::artifact::Artifact;
 use super::explain::{self, Fields};
 use super::graph::{ActionId, Graph, State};
 use super::inputs::InputDigests;
+use super::key::Walk;
 use super::record::{self, LevelRecord};
 use super::schedule::{self, Happening, Limits};
 use super::store::{Remote, Store};
 use super::surface::{self, SurfaceFiles, SurfaceStep};
-use super::volume::VolumeRecord;
-use super::volume::run::build_volume;
+use super::volume::{self, VolumeRecord, Volumes, Way};
 use super::{Plan, SurfaceSpec, encode};
 use crate::io::publish::Publisher;
 
-/// How often a surface is tried whose files are edited while they are read.
-const ROUNDS: usize = 3;
+/// How often an asset is tried whose files are edited while they are read.
+pub(super) const ROUNDS: usize = 3;
+
+/// What is said of one after that.
+pub(super) const RESTLESS: &str = "its files are edited again and again while they are read";
 
 /// Where a build reads and writes, and what it may use.
 #[derive(Debug)]
@@ -63,7 +66,7 @@ pub enum Event<'a> {
     },
     /// An action has run.
     Ran {
-        /// Surface.
+        /// Surface or volume.
         name: &'a str,
         /// The action, as in `level 2 fine`.
         action: &'a str,
@@ -100,8 +103,12 @@ pub enum Event<'a> {
     },
     /// A volume is published.
     VolumeBuilt {
+        /// Volume.
+        name: &'a str,
         /// Its levels.
         records: &'a [VolumeRecord],
+        /// Actions that ran for it: 1, or none.
+        ran: usize,
     },
     /// A volume could not be built.
     VolumeFailed {
@@ -124,13 +131,13 @@ pub enum Event<'a> {
 pub struct Outcome {
     /// All levels of the surfaces that are now as the manifest wants them, in its order.
     pub records: Vec<LevelRecord>,
-    /// Surfaces that were so before.
+    /// Surfaces and volumes that were so before.
     pub current: usize,
-    /// Surfaces that were built or fetched.
+    /// Surfaces and volumes that were built or fetched.
     pub built: usize,
     /// Actions that ran.
     pub ran: usize,
-    /// All levels of volumes that were built.
+    /// All levels of the volumes that are now as the manifest wants them.
     pub volumes: Vec<VolumeRecord>,
     /// Surfaces and volumes that could not be built.
     pub failed: usize,
@@ -171,7 +178,8 @@ pub fn build(
     {
         on_event(Event::Notice { text: &error.to_string() });
     }
-    build_volumes(plan, &out, publisher, limits.threads, &mut outcome, on_event);
+    let volumes = Volumes { folder: &plan.folder, out: &out, store: &store, digests: &digests, publisher, is_forced };
+    build_volumes(plan, volumes, limits.threads, &mut outcome, on_event);
     digests.save(&store);
     store.finish();
     outcome.differing = store.differing();
@@ -182,11 +190,10 @@ pub fn build(
     outcome
 }
 
-/// Builds the volumes of `plan`, each from the beginning: their stages are no actions yet.
+/// Builds the volumes of `plan`, one after the other, each on all threads.
 fn build_volumes(
     plan: &Plan,
-    out: &Path,
-    publisher: &Publisher,
+    volumes: Volumes<'_>,
     threads: usize,
     outcome: &mut Outcome,
     on_event: &mut (dyn FnMut(Event<'_>) + Send),
@@ -194,15 +201,17 @@ fn build_volumes(
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     for spec in &plan.volumes {
         let name = spec.name.as_str();
-        let mut one = || build_volume(spec, &plan.folder, out, publisher, on_event);
+        let mut one = || volumes.build(spec, on_event);
         let built = match &pool {
             Ok(pool) => pool.install(one),
             Err(_) => one(),
         };
         match built {
-            Ok(records) => {
-                on_event(Event::VolumeBuilt { records: &records });
-                outcome.built += 1;
+            Ok((way, record)) => {
+                let (records, ran) = (record.facts.volume_levels, usize::from(way == Way::Compiled));
+                on_event(Event::VolumeBuilt { name, records: &records, ran });
+                outcome.ran += ran;
+                *(if way == Way::Current { &mut outcome.current } else { &mut outcome.built }) += 1;
                 outcome.missed += records.iter().filter(|record| record.missed()).count();
                 outcome.volumes.extend(records);
             }
@@ -214,10 +223,10 @@ fn build_volumes(
     }
 }
 
-/// What a build would do with one surface.
+/// What a build would do with one asset.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Intent {
-    /// The surface.
+    /// The surface or volume.
     pub name: String,
     /// Why it would be built; none where it is current.
     pub reasons: Vec<String>,
@@ -227,26 +236,28 @@ pub struct Intent {
 pub fn foresee(plan: &Plan, out: &Path, cache: &Path, is_forced: bool) -> Vec<Intent> {
     let store = Store::open_to_read(cache);
     let digests = InputDigests::open(&store);
-    let intent = |spec: &SurfaceSpec| {
-        let name = spec.name.clone();
-        let files = match files_of(spec, &plan.folder, &digests) {
-            Ok(files) => files,
-            Err(text) => return Intent { name, reasons: vec![text] },
+    let intent = |name: &str, action: &str, walk: Result<Walk, String>| {
+        let intent = |reasons| Intent { name: name.into(), reasons };
+        let walk = match walk {
+            Ok(walk) => walk,
+            Err(text) => return intent(vec![text]),
         };
-        let walk = surface::walk_asset(spec, files);
-        let record = store.record_nearby(walk.key()).filter(|_| !is_forced);
-        if record.as_ref().is_some_and(|record| is_published(&out.join(&name), record, &digests)) {
-            return Intent { name, reasons: Vec::new() };
+        let (place, why) = (out.join(name), is_forced.then_some(explain::Why::Forced));
+        match store.record_nearby(walk.key()).filter(|_| !is_forced) {
+            Some(record) if is_published(&place, &record, &digests) => intent(Vec::new()),
+            Some(_) => intent(vec![format!("`{}` is not as it was published", place.display())]),
+            None => intent(explain::reasons(explain::last(&store, name).get(action), &walk.into_fields(), why)),
         }
-        if record.is_some() {
-            let place = out.join(&name);
-            return Intent { name, reasons: vec![format!("`{}` is not as it was published", place.display())] };
-        }
-        let why = is_forced.then_some(explain::Why::Forced);
-        let reasons = explain::reasons(explain::last(&store, &name).get("asset"), &walk.into_fields(), why);
-        Intent { name, reasons }
     };
-    plan.surfaces.iter().map(intent).collect()
+    let surfaces = plan.surfaces.iter().map(|spec| {
+        let walk = files_of(spec, &plan.folder, &digests).map(|files| surface::walk_asset(spec, files));
+        intent(&spec.name, "asset", walk)
+    });
+    let volumes = plan.volumes.iter().map(|spec| {
+        let walk = volume::files_of(spec, &plan.folder, &digests).map(|files| volume::walk_volume(spec, &files));
+        intent(&spec.name, volume::ACTION, walk)
+    });
+    surfaces.chain(volumes).collect()
 }
 
 /// What is to be done for a surface.
@@ -397,7 +408,7 @@ impl Build<'_> {
         let spec = &self.plan.surfaces[index];
         let text = match failure {
             Failure::Refused(text) => text,
-            Failure::InputChanged if is_last => "its files are edited again and again while they are read".into(),
+            Failure::InputChanged if is_last => RESTLESS.into(),
             Failure::InputChanged => {
                 for file in [Some(&spec.height), spec.color.as_ref()].into_iter().flatten() {
                     self.digests.forget(&self.plan.folder.join(file));
@@ -454,13 +465,13 @@ fn files_of(spec: &SurfaceSpec, folder: &Path, digests: &InputDigests) -> Result
 }
 
 /// Puts the files of an asset in their place.
-fn publish(publisher: &Publisher, out: &Path, name: &str, artifact: &Artifact) -> Result<(), String> {
+pub(super) fn publish(publisher: &Publisher, out: &Path, name: &str, artifact: &Artifact) -> Result<(), String> {
     let Artifact::Files(files) = artifact else { return Err("its stored files are no asset".into()) };
     publisher.folder(&out.join(name), files, DOCUMENT, encode::is_payload).map_err(|error| error.to_string())
 }
 
 /// Whether the folder `place` holds every file of an asset, as it was made.
-fn is_published(place: &Path, record: &Record, digests: &InputDigests) -> bool {
+pub(super) fn is_published(place: &Path, record: &Record, digests: &InputDigests) -> bool {
     let is_there = |name: &str, wanted| digests.digest(&place.join(name)).is_ok_and(|digest| digest == wanted);
     record.outputs.iter().all(|output| is_there(&output.name, output.digest))
 }

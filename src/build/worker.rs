@@ -161,15 +161,10 @@ impl Worker<'_> {
     /// Keeps what was made, and what is known of it.
     fn keep<S: Step>(&self, task: &Task<S>, made: Made, clock: &StageClock) -> (Record, Arc<Artifact>) {
         let files = made.artifact.encode();
-        let output = |(name, bytes): &(String, Vec<u8>)| Output {
-            name: name.clone(),
-            digest: Digest::of(bytes),
-            bytes: bytes.len() as u64,
-        };
         let cost = |&(stage, cpu_seconds): &(&'static str, f64)| StageSeconds { stage: stage.into(), cpu_seconds };
         let record = Record {
             key: task.key,
-            outputs: files.iter().map(output).collect(),
+            outputs: files.iter().map(|(name, bytes)| Output::of(name, bytes)).collect(),
             facts: made.facts,
             cost: clock.stages().iter().map(cost).collect(),
             peak_bytes: peak_bytes(),

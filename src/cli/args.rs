@@ -41,7 +41,7 @@ pub(super) enum Command {
     Init(InitArgs),
     /// Compile surfaces into assets
     Build(BuildArgs),
-    /// Compile, and again whenever the manifest or a map changes
+    /// Compile, and again whenever the manifest, a map or a grid changes
     Watch(BuildArgs),
     /// Look after the build cache
     #[command(subcommand)]

@@ -126,7 +126,9 @@ pub(super) fn limits(jobs: Option<u16>, memory: Option<u64>) -> Limits {
 fn lines(event: Event<'_>, args: &BuildArgs) -> String {
     match event {
         Event::Built { records, .. } if args.json => records.iter().map(|record| record.to_json() + "\n").collect(),
-        Event::VolumeBuilt { records } if args.json => records.iter().map(|record| record.to_json() + "\n").collect(),
+        Event::VolumeBuilt { records, .. } if args.json => {
+            records.iter().map(|record| record.to_json() + "\n").collect()
+        }
         Event::Failed { name, text } | Event::VolumeFailed { name, text } if args.json => {
             format!("{}\n", serde_json::json!({ "name": name, "failed": text }))
         }
@@ -134,7 +136,9 @@ fn lines(event: Event<'_>, args: &BuildArgs) -> String {
             format!("{}\n", serde_json::json!({ "name": name, "ran": action, "because": reasons }))
         }
         Event::Ran { name, action, reasons } if args.explain => format!("{name}: {action}: {}\n", reasons.join("; ")),
-        Event::Built { name, ran: 0, .. } if args.explain => format!("{name}: nothing ran\n"),
+        Event::Built { name, ran: 0, .. } | Event::VolumeBuilt { name, ran: 0, .. } if args.explain => {
+            format!("{name}: nothing ran\n")
+        }
         _ => String::new(),
     }
 }

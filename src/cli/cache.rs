@@ -57,6 +57,7 @@ fn rerun_all(folder: &Path, args: &CacheArgs) -> u8 {
     };
     let outcome = build(&plan, request, &Publisher::default(), &mut |event| match event {
         Event::Failed { name, text } => complain("error", &format!("surface `{name}`: {text}")),
+        Event::VolumeFailed { name, text } => complain("error", &format!("volume `{name}`: {text}")),
         Event::Notice { text } => complain("warning", text),
         _ => {}
     });

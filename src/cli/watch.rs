@@ -7,7 +7,7 @@ use super::build::{compile, plan, publisher, remote};
 use super::{SENSELESS, complain};
 use crate::build::{Looks, Plan, Watcher};
 
-/// Builds, and again whenever the manifest or a map has changed, until interrupted; an exit code if it cannot begin.
+/// Builds, and again whenever the manifest, a map or a grid has changed, until interrupted; an exit code if it cannot begin.
 pub(super) fn run(args: &BuildArgs) -> u8 {
     if args.dry_run {
         complain("error", "`watch` builds; `--dry-run` goes with `build`");
@@ -39,10 +39,11 @@ pub(super) fn run(args: &BuildArgs) -> u8 {
     }
 }
 
-/// Every file that the surfaces of `plan` are made from, each once.
+/// Every file that the surfaces and volumes of `plan` are made from, each once.
 fn maps_of(plan: &Plan) -> Vec<PathBuf> {
-    let files = plan.surfaces.iter().flat_map(|surface| [Some(&surface.height), surface.color.as_ref()]);
-    let mut maps: Vec<PathBuf> = files.flatten().map(|file| plan.folder.join(file)).collect();
+    let surfaces = plan.surfaces.iter().flat_map(|surface| [Some(&surface.height), surface.color.as_ref()]);
+    let volumes = plan.volumes.iter().flat_map(|volume| volume.grids()).map(|(_, grid)| &grid.file);
+    let mut maps: Vec<PathBuf> = surfaces.flatten().chain(volumes).map(|file| plan.folder.join(file)).collect();
     maps.sort();
     maps.dedup();
     maps

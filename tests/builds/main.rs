@@ -11,5 +11,6 @@ mod remote;
 mod reruns;
 mod scheduling;
 mod upkeep;
+mod volumes;
 mod watching;
 mod workshop;

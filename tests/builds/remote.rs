@@ -221,6 +221,19 @@ fn a_second_machine_builds_without_computing_anything() {
 }
 
 #[test]
+#[ignore = "5 s; needs s3s-fs"]
+fn a_second_machine_compiles_no_volume() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::start(folder.path());
+    let [first, second] = [(); 2].map(|()| crate::volumes::project("1"));
+    let said = build_with(&first, &server.url, &[]);
+    assert_eq!((said.code, said.stderr.as_str(), ran(&said).len()), (0, "", 1));
+    let said = build_with(&second, &server.url, &[]);
+    assert_eq!((said.code, said.stderr.as_str(), ran(&said).len()), (0, "", 0));
+    assert_eq!(first.tree("lod/slab"), second.tree("lod/slab"));
+}
+
+#[test]
 #[ignore = "10 s; needs s3s-fs"]
 fn a_second_machine_computes_what_differs_alone() {
     let folder = tempfile::tempdir().unwrap();

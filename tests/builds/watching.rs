@@ -92,3 +92,16 @@ fn files_that_vanish_and_manifests_with_mistakes_end_nothing() {
     project.write("farfield.toml", manifest.as_bytes());
     ends_with(&watch.next_build(), "0 built, 1 up to date; 0 actions ran");
 }
+
+#[test]
+fn the_files_of_a_volume_are_watched() {
+    let project = crate::volumes::project("1");
+    let watch = Watch::start(&project);
+    ends_with(&watch.next_build(), "1 built, 0 up to date; 1 actions ran");
+    for file in ["d.vol", "f.vol"] {
+        let mut bytes = std::fs::read(project.path().join(file)).unwrap();
+        *bytes.last_mut().unwrap() -= 1;
+        project.write(file, &bytes);
+        ends_with(&watch.next_build(), "1 built, 0 up to date; 1 actions ran");
+    }
+}

@@ -154,7 +154,7 @@ fn a_volume_is_built_shown_and_drawn() {
     assert!(said.stdout.starts_with("name  level  voxels     occupied  lobes  averages"), "{}", said.stdout);
     assert!(said.stdout.contains("\nslab  1      3 × 3 × 2  18        1      "), "{}", said.stdout);
     let first = project.tree("lod/slab");
-    assert_eq!(project.run(&["build", "--jobs", "1", "-q"]).code, 0);
+    assert_eq!(project.run(&["build", "--jobs", "1", "--force", "-q"]).code, 0);
     assert_eq!(project.tree("lod/slab"), first, "the same bytes on any number of threads");
     let json = project.run(&["inspect", "lod/slab", "--json"]).stdout;
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();

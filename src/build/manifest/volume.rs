@@ -38,6 +38,34 @@ pub struct VolumeSpec {
     pub seed: u64,
 }
 
+impl VolumeSpec {
+    /// The grids that the volume is read from, each under the manifest's key for it.
+    pub fn grids(&self) -> Vec<(&'static str, &GridSpec)> {
+        let mut grids = vec![("density", &self.density.grid)];
+        match &self.albedo {
+            AlbedoSpec::Constant(_) => {}
+            AlbedoSpec::Grid(grid) => grids.push(("albedo", grid)),
+        }
+        let along = match &self.sggx {
+            SggxSpec::Matrices(grid) => {
+                grids.push(("sggx", grid));
+                None
+            }
+            SggxSpec::Fibres { directions, along } => {
+                grids.push(("fibre", directions));
+                Some(along)
+            }
+            SggxSpec::StructureTensor { settings: _, along } => Some(along),
+        };
+        match along {
+            None | Some(AlongSpec::Constant(_)) => {}
+            Some(AlongSpec::Areas(grid)) => grids.push(("along", grid)),
+            Some(AlongSpec::Eigenvalues(grid)) => grids.push(("eigenvalue", grid)),
+        }
+        grids
+    }
+}
+
 /// Where the density comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DensitySpec {
@@ -102,8 +130,16 @@ pub enum Optimizer {
 }
 
 impl Optimizer {
-    const NAMES: [(&'static str, Self); 3] =
-        [("lm", Self::LevenbergMarquardt), ("sgd", Self::GradientDescent), ("none", Self::Naive)];
+    const ALL: [Self; 3] = [Self::LevenbergMarquardt, Self::GradientDescent, Self::Naive];
+
+    /// Its name in the manifest.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::LevenbergMarquardt => "lm",
+            Self::GradientDescent => "sgd",
+            Self::Naive => "none",
+        }
+    }
 }
 
 /// The largest factor: nothing is left of the largest volume.
@@ -154,7 +190,8 @@ pub(super) fn read(name: &str, mut fields: Fields<'_, '_, '_, '_>, default_error
     let lobes = read_count(&mut fields, "lobes", MAX_LOBES);
     let clusters = read_count(&mut fields, "clusters", MAX_CLUSTERS);
     let names = "`\"lm\"`, `\"sgd\"` or `\"none\"`";
-    let optimizer = fields.value("optimizer", names, |value| named(value.as_str()?, &Optimizer::NAMES));
+    let optimizer =
+        fields.value("optimizer", names, |value| named(value.as_str()?, &Optimizer::ALL.map(|one| (one.name(), one))));
     let error = fields.number("error", ERROR_WANTED, is_error).unwrap_or(default_error);
     let seed = fields.integer("seed", [0, i64::MAX as u64]).unwrap_or(0);
     fields.finish();

@@ -107,7 +107,10 @@ pub(super) fn asset(spec: &SurfaceSpec, files: SurfaceFiles, needs: &[Need]) -> 
     let asset = surface_asset(spec, &sources, levels);
     let encoded = asset.encode().map_err(|error| Failure::Refused(error.to_string()))?;
     let levels = level_records(spec, &asset, &encoded, needs)?;
-    Ok(Made { artifact: Artifact::Files(encoded), facts: Facts { size: Some(size), warnings, levels } })
+    Ok(Made {
+        artifact: Artifact::Files(encoded),
+        facts: Facts { size: Some(size), warnings, levels, ..Facts::default() },
+    })
 }
 
 /// What the levels reached, and cost when they were computed; what several share is counted with the first.

@@ -6,12 +6,12 @@ use formats::sggx::Sggx;
 use formats::volume::{VolumeAsset, VolumeLevel, VolumeSource};
 use serde_json::json;
 
-use super::super::manifest::{AlbedoSpec, AlongSpec, Optimizer, SggxSpec, VolumeSpec};
+use super::super::manifest::{AlbedoSpec, AlongSpec, SggxSpec, VolumeSpec};
 use super::VolumeInput;
 use crate::medium::{Medium, MediumShape, Voxel};
 
 /// Raised when the compiler writes other bytes for the same input and settings.
-pub const VOLUME_VERSION: &str = "1";
+pub const VOLUME_VERSION: u32 = 1;
 
 impl VolumeInput {
     /// The volume as a medium: one lobe a voxel.
@@ -36,7 +36,7 @@ pub fn volume_asset(spec: &VolumeSpec, input: &VolumeInput, levels: Vec<VolumeLe
         repeat: spec.repeat,
         source: VolumeSource { digest: input.density_digest.clone(), size: input.size.map(|n| n as u32) },
         settings: settings(spec, input),
-        versions: BTreeMap::from([("volume".into(), VOLUME_VERSION.into())]),
+        versions: BTreeMap::from([("volume".into(), VOLUME_VERSION.to_string())]),
         seed: spec.seed,
         isa: "baseline".into(),
         levels,
@@ -94,11 +94,6 @@ fn settings(spec: &VolumeSpec, input: &VolumeInput) -> serde_json::Value {
         AlbedoSpec::Constant(rgb) => json!(rgb.map(|a| a.to_string().parse::<f64>().unwrap_or(f64::from(a)))),
         AlbedoSpec::Grid(_) => json!("grid"),
     };
-    let optimizer = match spec.optimizer {
-        Optimizer::LevenbergMarquardt => "lm",
-        Optimizer::GradientDescent => "sgd",
-        Optimizer::Naive => "none",
-    };
     json!({
         "albedo": albedo,
         "along": along,
@@ -107,7 +102,7 @@ fn settings(spec: &VolumeSpec, input: &VolumeInput) -> serde_json::Value {
         "error": spec.error,
         "levels": spec.levels,
         "lobes": spec.lobes,
-        "optimizer": optimizer,
+        "optimizer": spec.optimizer.name(),
         "orientation": orientation,
         "scale": spec.density.scale,
         "window": spec.density.window,

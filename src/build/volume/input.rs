@@ -27,7 +27,7 @@ pub struct VolumeInput {
     pub density_digest: String,
     /// BLAKE3 of the other files' bytes, by the manifest's key.
     pub digests: BTreeMap<&'static str, String>,
-    /// What the user should know about the files, one line each.
+    /// What the user should know about the files, one line each; no names of files, which no key is made of.
     pub warnings: Vec<String>,
 }
 
@@ -128,7 +128,7 @@ pub fn read(spec: &VolumeSpec, folder: &Path) -> Result<VolumeInput, VolumeInput
     let Shapes { matrices, mut warnings } = read_shapes(spec, &mut files, &grey, &mut density)?;
     let occupied = density.iter().filter(|density| **density > 0.0).count();
     if occupied == 0 {
-        warnings.insert(0, format!("`{}`: no voxel has a density; check `window` and `scale`", spec.density.grid.file));
+        warnings.insert(0, "no voxel has a density; check `window` and `scale`".into());
     }
     let density_digest = files.digests.remove("density").expect("the density was read");
     Ok(VolumeInput {

@@ -1,25 +1,25 @@
-//! The build of a volume: read, compile level by level, encode, publish.
+//! The compilation of a volume: read, compile level by level, encode.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use formats::asset::DOCUMENT;
 use formats::{VolumeAsset, VolumeLevel};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use super::super::action::Failure;
 use super::super::clock::{StageClock, peak_bytes};
-use super::super::encode::{bytes_by_part, is_payload};
+use super::super::encode::bytes_by_part;
 use super::super::manifest::{Optimizer, VolumeSpec};
 use super::super::{Event, StageSeconds};
 use super::encode::{volume_asset, volume_level};
 use super::input::{VolumeInput, read};
-use crate::io::publish::Publisher;
+use super::walk::VolumeFiles;
 use crate::medium::Medium;
 use crate::prefilter::volume::{self as prefilter, CoarseVolume, VolumeSettings, compile};
 
 /// One built level of a volume: what it cost and reached.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VolumeRecord {
     /// Volume.
     pub name: String,
@@ -58,39 +58,71 @@ impl VolumeRecord {
     }
 }
 
-/// Builds and publishes one volume; the error is one line.
-pub(in crate::build) fn build_volume(
+/// The asset of a volume, not yet published.
+#[derive(Debug)]
+pub(super) struct Compiled {
+    /// Its files by name.
+    pub files: BTreeMap<String, Vec<u8>>,
+    /// What its levels cost and reached.
+    pub levels: Vec<VolumeRecord>,
+    /// What the user should know, one line each; all of it has been told.
+    pub warnings: Vec<String>,
+}
+
+/// Compiles one volume from the files that have the digests `wanted`.
+pub(super) fn compile_volume(
     spec: &VolumeSpec,
     folder: &Path,
-    out: &Path,
-    publisher: &Publisher,
+    wanted: &VolumeFiles,
     on_event: &mut dyn FnMut(Event<'_>),
-) -> Result<Vec<VolumeRecord>, String> {
+) -> Result<Compiled, Failure> {
+    let refused = |error: &dyn std::fmt::Display| Failure::Refused(error.to_string());
     let (name, levels) = (spec.name.as_str(), spec.levels.len());
     let mut clock = StageClock::default();
     clock.begin("read");
     on_event(Event::Stage { name, level: 0, levels, stage: "read" });
-    let input = read(spec, folder).map_err(|error| error.to_string())?;
-    for text in &input.warnings {
-        on_event(Event::VolumeWarning { name, text });
+    let input = read(spec, folder).map_err(|error| refused(&error))?;
+    if !is_read_from(&input, wanted) {
+        return Err(Failure::InputChanged);
     }
+    let mut warnings = input.warnings.clone();
+    warnings.iter().for_each(|text| on_event(Event::VolumeWarning { name, text }));
     let fine = input.medium();
     clock.end();
     let mut built = Vec::with_capacity(levels);
     for index in 1..=levels {
         // Reading is counted with the first level.
-        built.push(build_level(spec, &input, &fine, index, std::mem::take(&mut clock), on_event));
+        let (level, record) = build_level(spec, &input, &fine, index, std::mem::take(&mut clock), on_event);
+        if let Some(text) = shortfall(&record) {
+            on_event(Event::VolumeWarning { name, text: &text });
+            warnings.push(text);
+        }
+        built.push((level, record));
     }
-    on_event(Event::Stage { name, level: levels, levels, stage: "publish" });
     let asset = volume_asset(spec, &input, built.iter().map(|(level, _)| level.clone()).collect());
-    let files = asset.encode().map_err(|error| error.to_string())?;
-    expect_readable(&files)?;
-    publisher.folder(&out.join(name), &files, DOCUMENT, is_payload).map_err(|error| error.to_string())?;
+    let files = asset.encode().map_err(|error| refused(&error))?;
+    expect_readable(&files).map_err(Failure::Refused)?;
     let record = |(level, record): (VolumeLevel, VolumeRecord)| {
         let bytes = bytes_by_part(&files, level.index);
         VolumeRecord { bytes, ..record }
     };
-    Ok(built.into_iter().map(record).collect())
+    let levels = built.into_iter().map(record).collect();
+    Ok(Compiled { files, levels, warnings })
+}
+
+/// Whether the bytes that were read are those with the digests `wanted`, and no others.
+pub(super) fn is_read_from(input: &VolumeInput, wanted: &VolumeFiles) -> bool {
+    let others = input.digests.iter().map(|(key, digest)| (*key, digest.as_str()));
+    let found: BTreeMap<&str, &str> = others.chain([("density", input.density_digest.as_str())]).collect();
+    found.len() == wanted.len() && wanted.iter().all(|(key, digest)| found.get(key) == Some(&&*digest.to_string()))
+}
+
+/// What is to be said of a level that misses its target.
+fn shortfall(record: &VolumeRecord) -> Option<String> {
+    let [averages, level] = record.validation.filter(|_| record.missed())?;
+    let [found, target] = [averages.min(level), record.target].map(|e| e * 100.0);
+    let index = record.level;
+    Some(format!("level {index} reaches an error of {found:.2} % of image means; wanted {target:.2} %"))
 }
 
 /// Fails where a reader would refuse what is about to be published.
@@ -144,10 +176,6 @@ fn build_level(
     };
     if record.missed() {
         level.limited_by = Some("model".into());
-        let found = record.validation.map_or(0.0, |[averages, level]| averages.min(level));
-        let [found, target] = [found, spec.error].map(|e| e * 100.0);
-        let text = format!("level {index} reaches an error of {found:.2} % of image means; wanted {target:.2} %");
-        on_event(Event::VolumeWarning { name, text: &text });
     }
     (level, record)
 }

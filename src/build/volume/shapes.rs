@@ -62,8 +62,7 @@ fn structure(
     let (sum, count) = filled.fold((0.0, 0usize), |(sum, n), (o, _)| (sum + f64::from(o.linearity), n + 1));
     let mean = (sum / count.max(1) as f64) as f32;
     let warning = (count > 0 && mean < FIBROUS).then(|| {
-        let file = &spec.density.grid.file;
-        format!("`{file}`: the structure tensor finds no clear fibres: mean linearity {mean:.2}, of 0 to 1")
+        format!("the structure tensor finds no clear fibres in the density: mean linearity {mean:.2}, of 0 to 1")
     });
     (found.into_iter().map(|orientation| orientation.axis).collect(), warning)
 }

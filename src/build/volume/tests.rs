@@ -5,8 +5,12 @@ use std::path::Path;
 
 use tempfile::TempDir;
 
+use super::run::{compile_volume, is_read_from};
 use super::*;
-use crate::build::Manifest;
+use crate::build::action::Failure;
+use crate::build::inputs::InputDigests;
+use crate::build::key::Digest;
+use crate::build::{Manifest, Store, VolumeSpec};
 use formats::symmetric::Eigen;
 
 /// A `.vol` file of 3 × 2 × 2 voxels.
@@ -28,12 +32,19 @@ fn folder() -> TempDir {
     folder
 }
 
-/// The volume of a manifest with these lines, and its files in `folder`.
+/// The volume of a manifest with these lines.
+fn spec(density: &str, albedo: &str, sggx: &str) -> VolumeSpec {
+    let text = format!(
+        "[volume.cloth]\ndensity = {density}\nalbedo = {albedo}\nsggx = {sggx}\nvoxel = 1e-3\nlevels = [2]\n\
+         optimizer = \"none\"\n"
+    );
+    Manifest::parse(&text).unwrap().volumes.remove(0)
+}
+
+/// The same, with its files in `folder`.
 fn input(folder: &Path, density: &str, albedo: &str, sggx: &str) -> Result<VolumeInput, String> {
-    let text =
-        format!("[volume.cloth]\ndensity = {density}\nalbedo = {albedo}\nsggx = {sggx}\nvoxel = 1e-3\nlevels = [2]\n");
-    let spec = Manifest::parse(&text).unwrap().volumes.remove(0);
-    read(&spec, folder).map_err(|error| error.to_string().replace(&format!("{}/", folder.display()), ""))
+    read(&spec(density, albedo, sggx), folder)
+        .map_err(|error| error.to_string().replace(&format!("{}/", folder.display()), ""))
 }
 
 const GREY: &str = "[0.5, 0.5, 0.5]";
@@ -53,7 +64,7 @@ fn codes_become_densities_by_window_or_as_fractions() {
     assert_eq!(windowed("[4, 8]"), wanted);
     assert_eq!(windowed("[8, 4]"), wanted.map(|density| 100.0 - density), "what is dark may be dense");
     let empty = input(folder.path(), "{ file = \"d.vol\", window = [100, 200] }", GREY, FIBRE).unwrap();
-    assert_eq!(empty.warnings, ["`d.vol`: no voxel has a density; check `window` and `scale`"]);
+    assert_eq!(empty.warnings, ["no voxel has a density; check `window` and `scale`"]);
 }
 
 #[test]
@@ -187,4 +198,33 @@ fn what_does_not_fit_is_one_line() {
     }
     let found = input(folder.path(), "\"d.vol\"", GREY, "{ fibre = \"still.vol\", along = 0.1 }").unwrap();
     assert_eq!(found.warnings, ["11 voxels have the fibre direction 0; they are taken as isotropic"]);
+}
+
+#[test]
+fn what_is_hashed_is_what_is_read() {
+    let folder = folder();
+    let put = |name: &str, bytes: Vec<u8>| fs::write(folder.path().join(name), bytes).unwrap();
+    put("a.vol", vol(3, 3, &[90; 36]));
+    put("s.vol", vol(3, 1, &[60; 12]));
+    put("m.vol", vol(1, 6, &floats((0..12).flat_map(|_| [1.0, 0.5, 0.5, 0.0, 0.0, 0.0]))));
+    let digests = InputDigests::open(&Store::open_to_read(folder.path()));
+    for (sggx, count) in [
+        ("{ file = \"m.vol\" }", 3),
+        (FIBRE, 3),
+        ("{ fibre = \"f.vol\", along = \"s.vol\" }", 4),
+        ("{ from = \"structure-tensor\", along = 0.1 }", 2),
+        ("{ from = \"structure-tensor\", eigenvalue = \"s.vol\" }", 3),
+    ] {
+        let spec = spec("\"d.vol\"", "\"a.vol\"", sggx);
+        let files = files_of(&spec, folder.path(), &digests).unwrap();
+        let input = read(&spec, folder.path()).unwrap();
+        assert!(files.len() == count && is_read_from(&input, &files), "{sggx}: {files:?}");
+        assert!(compile_volume(&spec, folder.path(), &files, &mut |_| ()).is_ok());
+        for key in files.keys() {
+            let mut old = files.clone();
+            old.insert(key, Digest::of(b"before it was edited"));
+            let made = compile_volume(&spec, folder.path(), &old, &mut |_| ());
+            assert_eq!(made.err(), Some(Failure::InputChanged), "{sggx}: {key}");
+        }
+    }
 }
