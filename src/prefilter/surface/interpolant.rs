@@ -36,6 +36,13 @@ const ABOVE: f32 = 1.0;
 /// twill 8×, GGX 0.1 0.20, 0.35, 0.22; twill 16× 0.29, 0.40, 0.30; silk 16× 0.35, 0.57, 0.38. ε loses nothing by it.
 const RISE: f32 = 1.1;
 
+/// S below which a node does not rise at all: the coarse surface shows far too much there already.
+///
+/// Mean of images, twill 8×, GGX 0.1, light at 58° from the other side, seen at 80°: +66 % where all may rise, +56 % with 0.5,
+/// +52 % with 1, +51 % with nodes right. Silk 16×, area light at 80°, GGX 0.3 and 0.1: −1.2 and −9.1 %; −1.2 and −9.8 %; −2.1
+/// and −11.6 %; −3.3 and −14.7 %.
+const DARK: f32 = 0.5;
+
 /// Moves the nodes of `angular`, `[rank][pair]`, to where their interpolants are closest to what they say of R.
 pub(super) fn fit_between_nodes(
     angular: &mut [Vec<[f32; 3]>],
@@ -145,7 +152,8 @@ impl<'a> Places<'a> {
         let rows = self.axis.places() * self.axis.places();
         let of_place = |o: usize| o * rows..(o + 1) * rows;
         let total = self.gathered(&|o, out| out.copy_from_slice(&self.weight[of_place(o)]));
-        let limits: Vec<f32> = start.iter().map(|s| (RISE * s.abs()).min(LARGEST_STORED)).collect();
+        let limits: Vec<f32> =
+            start.iter().map(|s| (if s.abs() < DARK { s.abs() } else { RISE * s.abs() }).min(LARGEST_STORED)).collect();
         let mut s = start;
         for _ in 0..SWEEPS {
             let step = self.gathered(&|o, out| {
