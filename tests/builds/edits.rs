@@ -151,7 +151,7 @@ fn incremental_builds_equal_clean_ones_over_a_few_edits() {
 }
 
 #[test]
-#[ignore = "100 s of CPU: 200 sequences"]
+#[ignore = "four minutes: 200 sequences"]
 fn incremental_builds_equal_clean_ones_over_two_hundred_sequences_of_edits() {
     check(200);
 }
