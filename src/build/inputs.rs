@@ -1,6 +1,6 @@
 //! Digests of files, found once: a file whose size, times and inode are those of last time is not read again.
 //!
-//! A file that was changed within [`GRAIN`] before it was hashed may be changed again without a trace in its times, so
+//! A file that was changed within `GRAIN` before it was hashed may be changed again without a trace in its times, so
 //! its digest is not remembered: what git calls racily clean. Times are those that the system keeps; the change time,
 //! which no program sets, is among them where there is one.
 

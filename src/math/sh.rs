@@ -9,7 +9,7 @@ pub const MAX_BAND: usize = 8;
 
 /// Calls `visit(l(l + 1) + m, Y_lm(w))` for all bands up to `max_band` at the unit vector `w`.
 ///
-/// [WU19] (2.16), (2.17), without the Condon-Shortley phase. With r = (x + iy)^m as a pair of real recurrences there are no
+/// \[WU19\] (2.16), (2.17), without the Condon-Shortley phase. With r = (x + iy)^m as a pair of real recurrences there are no
 /// angles: Y_lm = √2 K_lm P̃_lm(z)·Re r (m > 0) or ·Im r (m < 0), P̃ the Legendre function over sin^m θ.
 ///
 /// # Panics

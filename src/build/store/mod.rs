@@ -1,7 +1,7 @@
 //! What was made before, by the key of the action that made it.
 //!
-//! A [`Store`] is a folder ([`local`]) and, if the user has one, an object store that several machines share
-//! ([`remote`]). It holds records, which say what an action made and what is known of it, and artifacts by their digest.
+//! A [`Store`] is a folder (`local`) and, if the user has one, an object store that several machines share
+//! (`remote`). It holds records, which say what an action made and what is known of it, and artifacts by their digest.
 //! Nothing read from it is believed before its digest is checked; what is damaged or missing is no error: the action
 //! runs again. Failures to write cost time later and nothing now. All of these are [`Store::notices`].
 

@@ -25,7 +25,7 @@ use rayon::prelude::*;
 use slopes::MeanSlopes;
 use spectral::Spectrum;
 
-/// Weight of the squared Laplacian, [WU19] section 4.4.1; dimensionless, as both terms are slopes.
+/// Weight of the squared Laplacian, \[WU19\] section 4.4.1; dimensionless, as both terms are slopes.
 const LAPLACIAN_WEIGHT: f64 = 0.01;
 
 /// Cells per axis of the level that is `factor` times coarser: max(1, round(n / factor)).

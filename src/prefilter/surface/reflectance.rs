@@ -63,7 +63,7 @@ impl TableDirections {
         self
     }
 
-    /// Number of directions, N² unless there are others [`with`](Self::with) them.
+    /// Number of directions, N² unless others were added.
     pub fn len(&self) -> usize {
         self.vectors.len()
     }

@@ -1,6 +1,6 @@
 //! Voxel clusters: which coarse voxels share one set of weight factors.
 //!
-//! K-means on the coarse albedo ([WU19] 3.6.2); voxels between two centres are dealt to both, against seams. Clusters that are hardly seen tell an optimiser
+//! K-means on the coarse albedo (\[WU19\] 3.6.2); voxels between two centres are dealt to both, against seams. Clusters that are hardly seen tell an optimiser
 //! nothing and join their nearest neighbour.
 
 use super::kmeans::{centres, nearest, squared_distance};
@@ -11,7 +11,7 @@ use crate::transport::volume::means::{MAX_CLUSTERS, Masks, Walks};
 
 /// Voxels that centres are found from, at most.
 const MAX_POINTS: usize = 16_384;
-/// Most clusters of an automatic choice ([WU19] 3.6.2: two to five).
+/// Most clusters of an automatic choice (\[WU19\] 3.6.2: two to five).
 const MOST: usize = 5;
 /// Root mean square distance of albedos from their centre that another cluster need not lower.
 const GOOD_ENOUGH: f64 = 0.08;

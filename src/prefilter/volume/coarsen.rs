@@ -1,4 +1,4 @@
-//! Averages over the footprints of coarse voxels: density by [WU19] (3.6), S and albedo weighted by density, one lobe a
+//! Averages over the footprints of coarse voxels: density by \[WU19\] (3.6), S and albedo weighted by density, one lobe a
 //! prototype.
 //!
 //! A coarse voxel covers n/N fine voxels along an axis, N = max(1, round(n/factor)), whole or not: a fine voxel on a border

@@ -1,4 +1,4 @@
-//! Stochastic gradient descent with gradients of fresh walks ([WU19] 3.18 to 3.20), preconditioned.
+//! Stochastic gradient descent with gradients of fresh walks (\[WU19\] 3.18 to 3.20), preconditioned.
 //!
 //! Means and derivatives of an iteration come of two independent halves, so that their product is an unbiased gradient of
 //! (3.16). Steps are preconditioned by a running mean of JᵀJ, which makes one step size fit all unknowns. Its diagonal alone is
@@ -10,7 +10,7 @@ use crate::math::linear::solve_positive;
 /// Iterations, and those over which the result is averaged: the last third.
 const ITERATIONS: usize = 90;
 const AVERAGED: usize = 30;
-/// δ_t = FIRST·HALVED/(t + HALVED), [WU19] (3.20).
+/// δ_t = FIRST·HALVED/(t + HALVED), \[WU19\] (3.20).
 const FIRST: f64 = 0.7;
 const HALVED: f64 = 15.0;
 /// Weight of the past in the mean of JᵀJ.

@@ -4,7 +4,7 @@
 //! the whole object ([`Prototypes`]), and finds weight factors a cluster of voxels and lobe that give images of the coarse
 //! level the means of the fine one ([`fit`]). A level that does not beat the plain averages in views and lights that the fit
 //! has not seen stays with these. Averages close the gaps that light leaks through; what weights cannot mend of that is
-//! taken from the density ([`Density`]). Equations are those of [WU19]. [`orientation`] finds the fibres of CT.
+//! taken from the density ([`Density`]). Equations are those of \[WU19\]. [`orientation`] finds the fibres of CT.
 
 pub mod baselines;
 mod clusters;

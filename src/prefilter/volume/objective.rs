@@ -1,4 +1,4 @@
-//! What a fit minimises: (3.16) of [WU19], restricted means of all training images, weighted by area.
+//! What a fit minimises: (3.16) of \[WU19\], restricted means of all training images, weighted by area.
 
 use rayon::prelude::*;
 
@@ -7,7 +7,7 @@ use super::record::{Evaluation, view_seed};
 use crate::medium::Medium;
 use crate::transport::volume::means::{Masks, SmoothLight, View, ViewMeans, Walks};
 
-/// Least mean of an image that errors are divided by ([WU19] 3.15).
+/// Least mean of an image that errors are divided by (\[WU19\] 3.15).
 const LEAST_MEAN: f64 = 0.05;
 
 /// How restricted means are weighed.

@@ -1,7 +1,7 @@
 //! Lobes of a coarse level: prototypes of S over the whole object, and how many of them.
 //!
 //! K-means over all fine S gives m prototypes, and a coarse voxel has one lobe for each that occurs in it. So lobes of the
-//! same number are alike in all voxels without reordering ([WU19] 3.14), and no voxel is a reference for the others.
+//! same number are alike in all voxels without reordering (\[WU19\] 3.14), and no voxel is a reference for the others.
 
 use formats::sggx::Sggx;
 use glam::Vec3;
@@ -19,7 +19,7 @@ const ERROR_FINE: usize = 64;
 /// Directions along an edge of the square over the sphere.
 const DIRECTIONS: usize = 20;
 
-/// Every further lobe must lower the error of normals to this share ([WU19] 3.8.1).
+/// Every further lobe must lower the error of normals to this share (\[WU19\] 3.8.1).
 const WORTH_A_LOBE: f64 = 0.5;
 /// Error of normals under which no more lobes are tried.
 const GOOD_ENOUGH: f64 = 0.15;

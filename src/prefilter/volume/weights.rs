@@ -1,4 +1,4 @@
-//! What the optimiser finds: a factor a cluster and lobe, and a colour a cluster ([WU19] 3.13, 3.21).
+//! What the optimiser finds: a factor a cluster and lobe, and a colour a cluster (\[WU19\] 3.13, 3.21).
 
 use super::clusters::Clusters;
 use crate::medium::{MAX_LOBES, Medium};

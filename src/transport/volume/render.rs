@@ -1,5 +1,5 @@
 //! Images of volumes: at every meeting one light is sampled and one direction of the phase function; what either finds is
-//! weighted by the power heuristic ([VEACH97]).
+//! weighted by the power heuristic (\[VEACH97\]).
 //!
 //! Nothing in a volume is opaque: light samples are weighted by the transmittance. An area light ends the
 //! flights that meet its front.

@@ -21,7 +21,7 @@ pub fn ratios(fine: &PatchReflectance, coarse: &PatchReflectance, channel: usize
         .collect()
 }
 
-/// T and S as averages of the ratio: over pairs, normalised to mean 1, and over patches ([WU19] 4.22–4.24).
+/// T and S as averages of the ratio: over pairs, normalised to mean 1, and over patches (\[WU19\] 4.22–4.24).
 pub fn averages_of_ratios(fine: &PatchReflectance, coarse: &PatchReflectance) -> Factors {
     per_channel(fine, coarse, |channel, weights| {
         let ratios = ratios(fine, coarse, channel);

@@ -1,4 +1,4 @@
-//! Plain averages: density and albedo by [WU19] (3.6), S by (3.5), no weights.
+//! Plain averages: density and albedo by \[WU19\] (3.6), S by (3.5), no weights.
 
 use crate::medium::Medium;
 use crate::prefilter::volume::Prototypes;

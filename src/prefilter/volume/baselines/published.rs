@@ -1,4 +1,4 @@
-//! The published optimiser ([WU19] 3.6.3, 3.8.2): gradient descent in the weights themselves, every iteration of which traces
+//! The published optimiser (\[WU19\] 3.6.3, 3.8.2): gradient descent in the weights themselves, every iteration of which traces
 //! a noisy image of 100 × 100 pixels for each of four lights apart in each of six views.
 
 use crate::medium::Medium;
@@ -6,19 +6,19 @@ use crate::prefilter::volume::{Problem, Recording, Weights};
 use crate::transport::volume::means::{View, Walks};
 use glam::Vec3;
 
-/// Iterations of the longest run of [WU19] table 3.2.
+/// Iterations of the longest run of \[WU19\] table 3.2.
 pub const ITERATIONS: usize = 30;
 /// Paths of one image: 100 × 100 pixels, 16 each.
 pub const PATHS: usize = 160_000;
 /// Smallest and largest weight that a step may lead to.
 const RANGE: [f64; 2] = [0.02, 20.0];
 
-/// The views of [WU19] figure 3.7.
+/// The views of \[WU19\] figure 3.7.
 pub fn views() -> Vec<View> {
     [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z].to_vec()
 }
 
-/// Step sizes δ_t = a/(t + b), [WU19] (3.20), the same for all weights.
+/// Step sizes δ_t = a/(t + b), \[WU19\] (3.20), the same for all weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Steps {
     /// a.
@@ -46,7 +46,7 @@ pub fn descend(problem: &Problem<'_>, medium: &Medium, steps: Steps, paths: usiz
     trace
 }
 
-/// ∂E/∂ln w of all weights, [WU19] (3.18): a view and a light at a time, so that no more than one image is in memory.
+/// ∂E/∂ln w of all weights, \[WU19\] (3.18): a view and a light at a time, so that no more than one image is in memory.
 fn gradient(problem: &Problem<'_>, medium: &Medium, weights: &Weights, walks: Walks) -> Vec<f64> {
     let mut gradient = vec![0.0; weights.unknowns()];
     let lights = problem.lights();
